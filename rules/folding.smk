@@ -70,6 +70,35 @@ rule folded_surface:
         "../scripts/folded_surface.py"
 
 
+rule common_maps:
+    """The folded cortex of a week on the common mesh, and its means over parcels."""
+    input:
+        receipt=receipt("common_maps"),
+        folded=FOLDS.surfaces()["surface"],
+        maps=[FOLDS.surfaces()[measure] for measure in CONFIG.biomarkers.measures],
+        surface=PLAN.surface,
+        sphere=PLAN.sphere,
+        template=PLAN.template,
+        parcels=FOLDS.parcels,
+    output:
+        **FOLDS.common(),
+    log:
+        LAYOUT.log("common_maps", (*MESH, "variant", "week")),
+    benchmark:
+        took("common_maps", (*MESH, "variant", "week"))
+    priority: 3
+    resources:
+        **asked("common_maps"),
+    params:
+        measures=CONFIG.biomarkers.measures,
+        resample=partial(PLAN.arguments, "resample"),
+        hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
+        input_sha256=lambda wildcards: content({"parcels": path} if (path := FOLDS.parcels(wildcards)) else {}),
+        version=versions("folding.biomarkers"),
+    script:
+        "../scripts/common_maps.py"
+
+
 rule convergence_run:
     """Mesh a surface in one realisation, fold the mesh, and carry the surface along."""
     input:

@@ -369,6 +369,7 @@ def project(
     from cortet.solver_files.results import on_surface, read_result
     from cortet.solver_files.sidecar import read_sidecar
     from cortet.solver_files.surface_map import map_of_file
+    from cortet.stages.resample import Resample, common_sphere
 
     if (sphere is None) != (template_sphere is None):
         raise InputError("one sphere is missing", remedy="give both --sphere and --template-sphere, or none")
@@ -379,7 +380,9 @@ def project(
     found, file, how = map_of_file(mesh, content, surface)
     print(f"{file}: {how}")
     labels = read_parcels(parcels, found.native) if parcels else None
-    weights = onto_common(found.native, sphere, template_sphere) if sphere and template_sphere else None
+    weights = None
+    if sphere and template_sphere:
+        weights = onto_common(found.native, sphere, common_sphere(Resample(template=str(template_sphere))))
     below = _millimetres(depth, found, thickness, mesh) if depth else None
     fields, told = on_surface(read_result(result), found, file=result, mesh_file=mesh, depth=below)
     for line in told:

@@ -24,16 +24,21 @@ class Folding(Neighbour):
     name = "folding"
     calls = dict.fromkeys(("Folded", "fold", "growth"), "cortet.folding.calls")
     rules = (
-        *("fold", "fold_figures", "folded_surface"),
+        *("fold", "fold_figures", "folded_surface", "common_maps"),
         *("convergence_run", "prediction_run", "prediction_views", "prediction_spread"),
     )
     label = "Folded"
 
     def sections(self) -> Mapping[str, type[Section]]:
-        """`fold`, and two experiments."""
-        from cortet.folding.section import Convergence, Fold, Prediction
+        """`fold`, `biomarkers`, and two experiments."""
+        from cortet.folding.section import Biomarkers, Convergence, Fold, Prediction
 
-        return {"fold": Fold, "experiments.convergence": Convergence, "experiments.prediction": Prediction}
+        return {
+            "fold": Fold,
+            "biomarkers": Biomarkers,
+            "experiments.convergence": Convergence,
+            "experiments.prediction": Prediction,
+        }
 
     def steps(self) -> Mapping[str, Step]:
         """The fold of a mesh."""
@@ -53,6 +58,7 @@ class Folding(Neighbour):
             "fold": Cost((500, 1200), (90, 4000)),
             "fold_figures": Cost((500, 800), (60, 120)),
             "folded_surface": Cost((500, 1500), (30, 120)),
+            "common_maps": Cost((600, 0), (15, 0)),
         }
 
     def check_field(self, name: str, own_name: str, file: str | Path) -> None:
@@ -86,6 +92,12 @@ class Folding(Neighbour):
         from cortet.folding.results import on_page
 
         return on_page(plan)
+
+    def sentences(self, plan: Plan) -> list[str]:
+        """Of the population, once its record is there."""
+        from cortet.folding.results import sentences
+
+        return sentences(plan)
 
     def add_commands(self, app: App) -> None:
         """Add `fold`, `growth` and `job`."""

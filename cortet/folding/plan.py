@@ -17,7 +17,7 @@ from cortet.cohort.selection import chosen
 from cortet.cohort.sheet import PHANTOM, Case
 from cortet.errors import InputError
 from cortet.folding.fields import LABEL_FIELD
-from cortet.folding.measures import surface_files, weeks_of
+from cortet.folding.measures import USUAL, surface_files, weeks_of
 from cortet.meshes import OUTERMOST, region_names
 from cortet.sections import Cases
 from cortet.stages import STAGES
@@ -103,6 +103,60 @@ class Folds:
             for verdict, run in self.runs().items()
             for week in self.weeks(run["case"], run["variant"])
         }
+
+    # --- the population ------------------------------------------------------------------------------------------
+
+    def common(self, week: float | str = "{week}") -> dict[str, str]:
+        """Patterns of the files of the folded cortex at a week on the common mesh, and of its means over parcels."""
+        begin = f"{{case}}_week-{week if isinstance(week, str) else f'{week:g}'}_"
+        names = {"surface": "space-common_white.surf.gii", "maps": "space-common_maps.shape.gii"}
+        return {key: self.fold(begin + name) for key, name in {**names, "parcels": "parcels.tsv"}.items()}
+
+    def population(self) -> dict[tuple[str, float], list[dict[str, Any]]]:
+        """Folds on the common mesh by hemisphere and week: what the sheet says of each, and its files.
+
+        Only folds for the first cell size and the first mesher count, in the order of the sheet.
+        """
+        found: dict[tuple[str, float], list[dict[str, Any]]] = {}
+        config = self.plan.config
+        for verdict, run in self.runs().items():
+            case = self.plan.cases[run["case"]]
+            first = round(1000 * run["cell_size_mm"]) == self.plan.resolutions_of(case)[0]
+            if not (
+                first and run["mesher"] == config.generate.meshers[0] and self.plan.is_resampled({"case": case.name})
+            ):
+                continue
+            for week in self.weeks(case.name, run["variant"]):
+                files = {
+                    name: str(Path(verdict).with_name(Path(pattern).name.format(case=case.name)))
+                    for name, pattern in self.common(week).items()
+                }
+                row = {
+                    "case": case.name,
+                    "variant": run["variant"] or USUAL,
+                    "hemi": case.hemi,
+                    "week": week,
+                    "scan_age": case.scan_age,
+                    **case.extra,
+                }
+                found.setdefault((case.hemi or "LR", week), []).append({**row, "files": files})
+        return dict(sorted(found.items()))
+
+    def population_files(self, hemi: str, week: float) -> dict[str, str]:
+        """Files of all folds of a hemisphere at a week."""
+        chosen, cohort, begin = self.plan.config.biomarkers, self.plan.layout.cohort, f"hemi-{hemi}_week-{week:g}"
+        ends = {"order": ".tsv", "surface": "_white.surf.gii"}
+        ends |= {"design": "_design.mat", "contrasts": "_design.con"} if chosen.model else {}
+        for name in chosen.measures:
+            plain = name.replace("_", "")
+            ends |= {f"{name}_stack": f"_{plain}.func.gii", f"{name}_maps": f"_{plain}.shape.gii"}
+        named = {name: cohort(f"biomarkers/{begin}{end}") for name, end in ends.items()}
+        return {**named, "figure": cohort(f"figure-biomarkers_{begin}.png")}
+
+    def parcels(self, job: Job) -> str | list[str]:
+        """The file with the parcels of a case; empty if none are asked for, or the case has none."""
+        name = self.plan.config.biomarkers.parcels
+        return existing(self.plan.case(job).fields.get(name)) if name else []
 
     def weeks(self, case: str, variant: str | None) -> list[float]:
         """The weeks of `fold.surfaces` that a fold reaches."""

@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from cortet.cohort.layout import beside
 from cortet.cohort.plan import Plan
+from cortet.errors import InputError
+from cortet.folding.measures import USUAL
 from cortet.folding.plan import Folds
+from cortet.formats.ownership import json_of
 from cortet.neighbours import OnPage
 from cortet.report.over_all import Result, files
 
@@ -18,7 +21,8 @@ if TYPE_CHECKING:
 def results(plan: Plan) -> list[Result]:
     """All results."""
     folds = Folds(plan)
-    return [*([_all_folds(folds)] if folds.folded else []), _convergence(folds), _prediction(folds)]
+    of_folds = [_all_folds(folds)] if folds.folded else []
+    return [*of_folds, _population(folds), _convergence(folds), _prediction(folds)]
 
 
 def on_page(plan: Plan) -> OnPage:
@@ -59,6 +63,68 @@ def _all_folds(folds: Folds) -> Result:
         "cohort_folding",
         lambda: list(folds.runs().values()),
     )
+
+
+def _population(folds: Folds) -> Result:
+    plan, groups, chosen = folds.plan, folds.population(), folds.plan.config.biomarkers
+    table = files(plan, "biomarkers", ".tsv", ".json")
+    named = {group: folds.population_files(*group) for group in groups}
+    every = [run for runs in groups.values() for run in runs]
+
+    def write() -> None:
+        from importlib.metadata import version
+
+        from cortet.folding.biomarkers import VARIANT, write_population, write_values
+
+        there = [run for run in every if not any(map(plan.missing, run["files"].values()))]
+        if not there:
+            raise InputError(
+                "no fold is on the common mesh",
+                remedy="name weeks in fold.surfaces, cases in fold.cases, and their spheres in column sphere",
+            )
+        options = {"model": chosen.model, "permutations": chosen.permutations, "seed": chosen.seed}
+        record: dict[str, Any] = {**options, "nilearn": version("nilearn")}
+        for group, runs in groups.items():
+            mine = [run for run in runs if run in there and (VARIANT in chosen.model or run["variant"] == USUAL)]
+            if mine:
+                made = write_population(mine, chosen.measures, outputs=named[group], hemi=mine[0]["hemi"], **options)
+                record[f"hemi-{group[0]}_week-{group[1]:g}"] = made
+        write_values(there, record, Path(table[0]), Path(table[1]))
+
+    return Result(
+        "biomarkers",
+        [*table, *(path for some in named.values() for path in some.values())],
+        lambda: [path for run in every for path in run["files"].values()],
+        write,
+        ("folding.biomarkers", "report.render"),
+        {some["figure"]: ("Folding", {"figure": f"{group[1]:g} weeks, {group[0]}"}) for group, some in named.items()},
+        "biomarkers",
+        lambda: [chosen.model_dump(mode="json"), [{key: run[key] for key in run if key != "files"} for run in every]],
+        memory_mb=4000,
+        minutes=240,
+        measures=False,
+    )
+
+
+def sentences(plan: Plan) -> list[str]:
+    """What a paper says of the folds on the common mesh, if they are there."""
+    record = json_of(Path(files(plan, "biomarkers", ".json")[0])).get("Model", {})
+    groups = {name: made for name, made in record.items() if name.startswith("hemi-")}
+    if not groups:
+        return []
+    listed = "; ".join(f"{name.replace('_', ', ')} weeks: {made['folds']}" for name, made in groups.items())
+    vertices = next(iter(groups.values()))["vertices"]
+    said = [
+        f"Folded surfaces were brought onto a common mesh of {vertices:,} vertices through their spheres, by "
+        f"barycentric interpolation (folds of {listed})."
+    ]
+    if record["model"]:
+        said.append(
+            f"A general linear model of {', '.join(record['model'])} was fitted at each vertex; p is two-sided and "
+            f"corrected over all vertices of a map, not over maps, by the largest t of {record['permutations']} "
+            f"permutations (Freedman-Lane; nilearn {record['nilearn']}, seed {record['seed']})."
+        )
+    return said
 
 
 def _experiment(plan: Plan, name: str, *more: str) -> tuple[list[str], dict[str, Any]]:

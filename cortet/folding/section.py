@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -15,6 +15,20 @@ from cortet.sections import Cases, CellSize, Finite, NonNegativeInt, Positive, S
 #: placeholder for the hemisphere in the name of a file
 _HEMI = "{hemi}"
 
+Measure = Literal[
+    "depth",
+    "mean_curvature",
+    "gaussian_curvature",
+    "local_gyrification",
+    "thickness",
+    "area_growth",
+    "cortex_stress",
+    "cortex_pressure",
+    "cortex_stretch",
+    "white_stress",
+    "white_pressure",
+    "white_stretch",
+]
 Model = Literal["growing", "braingrowth"]
 PredictionKind = Literal[
     "mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "braingrowth", "path", "nothing"
@@ -153,6 +167,24 @@ class Settings(Fold):
     """Of the mesh, weeks; growth is relative to it."""
     hemisphere: Literal["L", "R"] | None = None
     """Half a brain, which the medial plane confines; null: a whole one."""
+
+
+class Biomarkers(Section):
+    """A population: folds on the common mesh of `resample`, at the weeks of fold.surfaces (`snakemake biomarkers`)."""
+
+    model: list[str] = []
+    """Columns of the cohort sheet in a general linear model of each measure at each vertex: scan_age, sex, group, any
+    number or word. Each is tested while the others are held. variant alone compares the variants of `fold` within
+    cases. Empty: means and spread only."""
+    measures: Annotated[list[Measure], Field(min_length=1)] = list(get_args(Measure))
+    """Measures that are gathered and tested."""
+    parcels: str | None = None
+    """Field of the sheet with labels of the surface, e.g. label: the table has means over each. null: over all of the
+    surface only."""
+    permutations: Annotated[int, Field(ge=20, le=100_000)] = 1000
+    """Random permutations, of which the largest t of all vertices corrects p."""
+    seed: NonNegativeInt = 0
+    """Of the permutations."""
 
 
 class Convergence(Section):

@@ -58,10 +58,11 @@ def write_methods(
     failures: Mapping[str, str],
     markdown: str | Path,
     view: str | Path,
+    more: Iterable[str] = (),
 ) -> None:
-    """Write the paragraph, and an HTML page of it, from the files of certificates."""
+    """Write the paragraph, and an HTML page of it, from the files of certificates; `more` are further sentences."""
     contents = [read_certificate(name) for name in certificates]
-    text = methods_text(contents, sheet, failures)
+    text = " ".join([methods_text(contents, sheet, failures).strip(), *more]) + "\n"
     with atomic_path(markdown) as temporary:
         temporary.write_text(text, encoding="utf-8")
     write_page(text, view, title="Methods")

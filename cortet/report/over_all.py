@@ -400,10 +400,13 @@ class OverAll:
     def _methods(self) -> Result:
         plan, text = self.plan, self._files("methods", ".md", ".html")
 
+        def said() -> list[str]:
+            return [sentence for neighbour in neighbours() for sentence in neighbour.sentences(plan)]
+
         def write() -> None:
             from cortet.report.methods import write_methods
 
-            write_methods(self._certificates(), plan.sheet, plan.unmeasured(), *text)
+            write_methods(self._certificates(), plan.sheet, plan.unmeasured(), text[0], text[1], said())
 
         return Result(
             "methods",
@@ -413,7 +416,7 @@ class OverAll:
             ("report.methods",),
             {text[1]: ("Methods", {"text": "methods paragraph"})},
             "methods",
-            lambda: [asdict(case) for case in plan.sheet],
+            lambda: [*(asdict(case) for case in plan.sheet), *said()],
         )
 
     def _page(self) -> Result:

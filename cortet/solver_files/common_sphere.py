@@ -57,27 +57,26 @@ def read_parcels(file: Path, surface: TriSurface) -> Parcels:
     return Parcels(labels, read_label_names(file), vertex_areas(surface))
 
 
-def onto_common(surface: TriSurface, sphere: Path, template: Path) -> Weights:
+def onto_common(surface: TriSurface, sphere: Path, common: TriSurface) -> Weights:
     """Barycentric weights from the vertices of a surface to those of a common sphere, as `stages.resample` has them.
 
     Parameters
     ----------
     surface : as it was read
     sphere : registered sphere of this surface
-    template : the sphere that it is registered to
+    common : the sphere that it is registered to
 
     Raises
     ------
-    InputError : one of the two is no sphere, or the first is that of another surface
+    InputError : the file holds no sphere, or that of another surface
     """
-    own, common = read_surface(sphere), read_surface(template)
+    own = read_surface(sphere)
     if not same_triangles(own, surface):
         raise InputError(
             f"its {len(own.points):,} vertices are not those of the surface, which has {len(surface.points):,}",
             file=sphere,
             remedy="give the registered sphere of the surface that the mesh was made from",
         )
-    for one, file in ((own, sphere), (common, template)):
-        if found := flaws(one):
-            raise InputError(f"is not a sphere: {'; '.join(found)}", file=file, remedy="give a registered sphere")
+    if found := flaws(own):
+        raise InputError(f"is not a sphere: {'; '.join(found)}", file=sphere, remedy="give a registered sphere")
     return barycentric(of_one_radius(own), of_one_radius(common))

@@ -118,7 +118,7 @@ def resample(
     if inside and not spheres.same_triangles(sphere, surface):
         return surface, _report(surface, surface, resampled=False)
     _check(surface, sphere, sphere_file)
-    common = _common(settings)
+    common = common_sphere(settings)
     old, new = spheres.of_one_radius(sphere), spheres.of_one_radius(common)
     weights = spheres.barycentric(old, new)
     points = weights @ surface.points
@@ -139,8 +139,8 @@ def resample(
     return made, report
 
 
-def _common(settings: Resample) -> TriSurface:
-    """The sphere whose vertices all cases share."""
+def common_sphere(settings: Resample) -> TriSurface:
+    """The sphere whose vertices all cases share; InputError if the template is not a sphere."""
     from cortet.formats.gifti import read_surface
     from cortet.geometry import spheres
     from cortet.geometry.icosphere import icosphere

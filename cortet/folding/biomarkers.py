@@ -1,0 +1,339 @@
+"""What folds of many brains say of a population: maps on the common mesh, and a general linear model of them.
+
+Vertices of the common mesh with the same number are the same location of the cortex in every fold. The statistics are
+nilearn's (`permuted_ols`): t at each vertex by ordinary least squares, and p corrected over all vertices by the largest
+|t| of random permutations of the residuals without the tested column (Freedman and Lane 1983; Winkler et al.,
+NeuroImage 92, 2014).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from cortet.errors import InputError
+from cortet.folding.measures import MEASURES, USUAL
+from cortet.formats.atomic import atomic_path, write_json
+from cortet.formats.gifti import read_fields, read_surface, write_fields, write_surface
+from cortet.formats.tables import Column, write_table
+from cortet.formats.tsv import MISSING, read_tsv, write_tsv
+from cortet.geometry.spheres import vertex_areas
+from cortet.meshes import FloatArray, TriSurface
+from cortet.report.figures import PAGE, drawn, save
+from cortet.report.render import surface_view
+from cortet.solver_files.common_sphere import Parcels, onto_common, read_parcels
+
+VERSION: int = 1
+
+#: column of the model that compares the variants of `fold` within cases
+VARIANT = "variant"
+#: name of the parcel that is the whole surface
+WHOLE = "all"
+#: columns of `biomarkers.tsv`
+COLUMNS = (
+    Column("case", "Name of the case"),
+    Column("variant", "Variant of fold"),
+    Column("hemi", "Hemisphere"),
+    Column("week", "Gestational age of the folded cortex", "weeks"),
+    Column("parcel", f"Parcel; {WHOLE}: the whole surface"),
+    Column("measure", "What was measured", levels={name: what for name, (what, _) in MEASURES.items()}),
+    Column("value", "Mean over the area of the folded parcel, in the unit of the measure"),
+)
+#: percent of the vertices that the range of colours leaves out at either end
+_TAIL = 2.0
+#: differences of values below this share of the largest value are rounding: files hold float32
+_ROUNDING = 1e-6
+#: largest p that a map of the figure shows
+_SHOWN = 0.05
+
+
+# --- one fold
+
+
+def write_common(
+    folded: Path,
+    maps: Mapping[str, Path],
+    sphere: Path,
+    common: TriSurface,
+    parcels: Path | None,
+    outputs: Mapping[str, Path],
+    *,
+    hemi: Literal["L", "R"] | None = None,
+) -> None:
+    """Bring the folded cortex and its maps onto the common mesh, and write the means over its parcels.
+
+    Parameters
+    ----------
+    folded : the folded surface, on the vertices of the native one
+    maps : measure -> its file
+    sphere : registered sphere of the native surface
+    common : sphere whose vertices all cases share
+    parcels : labels of the native surface
+    outputs : `surface`, `maps` and `parcels` (TSV: parcel, measure, value)
+
+    Raises
+    ------
+    InputError : as `onto_common` and `read_parcels`
+    """
+    surface = read_surface(folded)
+    weights = onto_common(surface, sphere, common)
+    values = {name: next(iter(read_fields(file).values())).astype(np.float64) for name, file in maps.items()}
+    known = [Parcels(np.zeros(len(surface.points), np.int32), {0: WHOLE}, vertex_areas(surface))]
+    known += [read_parcels(parcels, surface)] if parcels else []
+    rows = [
+        {"parcel": parcel, "measure": name, "value": value}
+        for one in known
+        for name, some in values.items()
+        for parcel, value in one.means(some).items()
+    ]
+    write_surface(TriSurface(weights @ surface.points, common.faces, frame=surface.frame), outputs["surface"])
+    write_fields({name: weights @ some for name, some in values.items()}, outputs["maps"], hemisphere=hemi)
+    write_tsv(rows, ["parcel", "measure", "value"], outputs["parcels"])
+
+
+# --- the model
+
+
+class Design(NamedTuple):
+    """Columns of a general linear model, of s folds."""
+
+    #: names of the k columns that are tested, `group[b]` for a word: that group against the first
+    names: list[str]
+    #: (s, k), and (s, c) columns that are held and not tested; an intercept comes to them
+    tested: FloatArray
+    held: FloatArray
+
+
+def design_of(rows: Sequence[Mapping[str, Any]], model: Sequence[str]) -> Design:
+    """The columns of a model, from rows of values: numbers are taken from their mean, words become indicators.
+
+    Parameters
+    ----------
+    rows : one for each fold, with `case` and the columns of the model
+
+    Raises
+    ------
+    InputError : a column is missing, has no value for a fold, or does not differ; or the folds are too few
+    """
+    remedy = "mend biomarkers.model, or the column in the cohort sheet"
+    if VARIANT in model and len(model) > 1:
+        raise InputError(
+            "biomarkers.model: variant compares folds of one case, and other columns compare cases",
+            remedy="name variant alone, or leave it out",
+        )
+    names, columns = [], []
+    for name in model:
+        values = [str(row.get(name, MISSING)) for row in rows]
+        if empty := [row["case"] for row, value in zip(rows, values, strict=True) if value in ("", MISSING, "None")]:
+            raise InputError(f"biomarkers.model: {', '.join(empty)} without a value of {name}", remedy=remedy)
+        found = _indicators(values, first=USUAL if name == VARIANT else None)
+        if not found:
+            raise InputError(f"biomarkers.model: {name} is {values[0]} in all folds", remedy=remedy)
+        names += [name if level is None else f"{name}[{level}]" for level in found]
+        columns += list(found.values())
+    held = list(_indicators([str(row["case"]) for row in rows], words=True).values()) if VARIANT in model else []
+    made = Design(names, np.array(columns, float).T, np.array(held, float).reshape(len(held), len(rows)).T)
+    every = np.column_stack([made.tested, made.held, np.ones(len(rows))])
+    if np.linalg.matrix_rank(every) < every.shape[1] or len(rows) < every.shape[1] + 2:
+        raise InputError(
+            f"biomarkers.model: {len(rows)} folds for {every.shape[1]} columns ({', '.join(names)}, the mean"
+            f"{', cases' if held else ''}), which are too few, or say the same",
+            remedy="leave out columns, or add cases",
+        )
+    return made
+
+
+def _indicators(values: Sequence[str], *, first: str | None = None, words: bool = False) -> dict[str | None, Any]:
+    """Numbers less their mean, under None; of words an indicator of each but the first; empty if all are the same."""
+    if len(set(values)) < 2:
+        return {}
+    try:
+        numbers = np.array([float("nan") if words else float(value) for value in values])
+    except ValueError:
+        numbers = np.array([np.nan])
+    if np.isfinite(numbers).all():
+        return {None: numbers - numbers.mean()}
+    levels = sorted(set(values))
+    levels.remove(levels[0] if first is None else first)
+    return {level: [float(value == level) for value in values] for level in levels}
+
+
+def effects(
+    values: FloatArray, design: Design, *, permutations: int, seed: int
+) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """t and corrected p of each tested column at each vertex, two-sided: name -> (v,), (v,).
+
+    A vertex without a value in some fold, or with the same in all but for rounding, is NaN.
+
+    Parameters
+    ----------
+    values : (s, v), a row for each fold
+    permutations, seed : of nilearn's `permuted_ols`; the smallest p is 1 / (permutations + 1)
+    """
+    from nilearn.mass_univariate import permuted_ols
+
+    known = np.isfinite(values).all(axis=0)
+    known &= np.ptp(values, axis=0) > _ROUNDING * np.abs(values[:, known]).max(initial=0)
+    found = {}
+    for number, name in enumerate(design.names):
+        t, p = np.full(values.shape[1], np.nan), np.full(values.shape[1], np.nan)
+        others = np.column_stack([np.delete(design.tested, number, axis=1), design.held])
+        if known.any():
+            result = permuted_ols(
+                design.tested[:, [number]],
+                values[:, known],
+                others if others.shape[1] else None,
+                n_perm=permutations,
+                random_state=seed,
+                output_type="dict",
+            )
+            t[known], p[known] = result["t"][0], 10.0 ** -result["logp_max_t"][0]
+        found[name] = t, p
+    return found
+
+
+# --- all folds of a hemisphere at a week
+
+
+def write_population(
+    runs: Sequence[Mapping[str, Any]],
+    measures: Sequence[str],
+    model: Sequence[str],
+    outputs: Mapping[str, str],
+    *,
+    permutations: int,
+    seed: int,
+    hemi: Literal["L", "R"] | None,
+) -> dict[str, Any]:
+    """Write stacks, means, spreads, effects, the order of the folds, PALM's design and a figure; returns a record.
+
+    Parameters
+    ----------
+    runs : rows of the sheet, one for each fold, with `case`, `variant` and `files`
+    outputs : of `plan.Folds.population_files`
+
+    Raises
+    ------
+    InputError : as `design_of`, or the folds are on several common meshes
+    """
+    surfaces = [read_surface(run["files"]["surface"]) for run in runs]
+    if len({one.faces.shape for one in surfaces}) > 1:
+        raise InputError("the folds are on several common meshes", remedy="delete their maps and run again")
+    mean = replace(surfaces[0], points=np.mean([one.points for one in surfaces], axis=0))
+    fields = [read_fields(run["files"]["maps"]) for run in runs]
+    design = design_of(runs, model) if model else None
+    columns = [name for name in runs[0] if name != "files"]
+    write_tsv([{name: run[name] for name in columns} for run in runs], columns, Path(outputs["order"]))
+    write_surface(mean, outputs["surface"])
+    shown: dict[str, dict[str, NDArray[Any]]] = {}
+    record: dict[str, Any] = {"folds": len(runs), "vertices": len(mean.points), "effects": {}}
+    for name in measures:
+        values = np.stack([one[name].astype(np.float64) for one in fields])
+        stack = {run_name(run): row for run, row in zip(runs, values, strict=True)}
+        write_fields(stack, outputs[f"{name}_stack"], hemisphere=hemi)
+        maps = {"mean": values.mean(axis=0), "spread": values.std(axis=0, ddof=1 if len(values) > 1 else 0)}
+        if design:
+            for effect, (t, p) in effects(values, design, permutations=permutations, seed=seed).items():
+                maps |= {f"t_{effect}": t, f"p_{effect}": p}
+                record["effects"].setdefault(effect, {})[name] = {
+                    "smallest_p": float(np.nanmin(p)) if np.isfinite(p).any() else None,
+                    "vertices_below_0.05": int((p < _SHOWN).sum()),
+                }
+        write_fields(maps, outputs[f"{name}_maps"], hemisphere=hemi)
+        shown[name] = maps
+    if design:
+        _write_palm(design, Path(outputs["design"]), Path(outputs["contrasts"]))
+    save(population_figure(mean, shown, hemi), outputs["figure"])
+    return record
+
+
+def run_name(run: Mapping[str, Any]) -> str:
+    """The name of a fold in a stack."""
+    return str(run["case"]) if run["variant"] == USUAL else f"{run['case']}_{run['variant']}"
+
+
+def _write_palm(design: Design, matrix: Path, contrasts: Path) -> None:
+    """The design in the format of FSL, which PALM reads beside the stacks: tested columns, held ones, the mean."""
+    every = np.column_stack([design.tested, design.held, np.ones(len(design.tested))])
+    names = "".join(f"/ContrastName{number}\t{name}\n" for number, name in enumerate(design.names, start=1))
+    for path, head, rows in (
+        (matrix, f"/NumWaves\t{every.shape[1]}\n/NumPoints\t{len(every)}\n", every),
+        (
+            contrasts,
+            f"{names}/NumWaves\t{every.shape[1]}\n/NumContrasts\t{len(design.names)}\n",
+            np.eye(len(design.names), every.shape[1]),
+        ),
+    ):
+        with atomic_path(path) as temporary:
+            lines = "".join("\t".join(f"{value:.9g}" for value in row) + "\n" for row in rows)
+            temporary.write_text(f"{head}/Matrix\n{lines}", encoding="utf-8")
+
+
+def population_figure(
+    mean: TriSurface, maps: Mapping[str, Mapping[str, NDArray[Any]]], hemi: Literal["L", "R"] | None
+) -> Figure:
+    """Each measure a row on the mean surface: mean and spread from outside, and -log10 of p from both sides, from 0.05
+    on.
+    """
+    effects = [name.removeprefix("p_") for name in next(iter(maps.values())) if name.startswith("p_")]
+    outside: Literal["L", "R"] = hemi or "L"
+    inside: Literal["L", "R"] = "R" if outside == "L" else "L"
+    with drawn(PAGE, 1.35 * len(maps) + 0.3) as figure:
+        axes = figure.subplots(len(maps), 2 + 2 * len(effects), squeeze=False)
+        for number, (measure, some) in enumerate(maps.items()):
+            panels = [("mean", some["mean"], outside), ("spread", some["spread"], outside)]
+            for name in effects:
+                panels += [
+                    (f"{name}: $-\\log_{{10}} p$", -np.log10(some[f"p_{name}"]), side) for side in (outside, inside)
+                ]
+            for axis, (title, values, side) in zip(axes[number], panels, strict=True):
+                image, colours = _view(mean, values, side, title in ("mean", "spread"))
+                axis.imshow(image, interpolation="antialiased")
+                axis.set_axis_off()
+                if number == 0:
+                    axis.set_title(title)
+                figure.colorbar(colours, ax=axis, shrink=0.7)
+            first = axes[number, 0]
+            first.text(-0.05, 0.5, measure.replace("_", "\n"), transform=first.transAxes, ha="right", va="center")
+    return figure
+
+
+def _view(
+    mean: TriSurface, values: NDArray[Any], side: Literal["L", "R"], measured: bool
+) -> tuple[NDArray[np.uint8], ScalarMappable]:
+    """A picture of values at vertices, of a measure or of -log10 p, and its colours."""
+    low, high = -np.log10(_SHOWN), max(float(np.nanmax(values, initial=0)), 2.0)
+    if measured:
+        low, high = np.nanpercentile(values, [_TAIL, 100 - _TAIL]) if np.isfinite(values).any() else (0, 1)
+    high = max(high, low + 1e-6)
+    of_faces = np.nan_to_num(values, nan=low)[mean.faces].mean(axis=1)
+    image = surface_view(
+        mean, side=side, size=(450, 340), distances=of_faces, lowest=low, darkest=high, colours="viridis"
+    )
+    return image, ScalarMappable(Normalize(low, high), "viridis")
+
+
+def write_values(runs: Sequence[Mapping[str, Any]], record: Mapping[str, Any], table: Path, sidecar: Path) -> None:
+    """Write the table of all means over parcels, and its sidecar with the record of the model."""
+    rows = [
+        {
+            **{key: run[key] for key in ("case", "variant", "hemi", "week")},
+            "parcel": row["parcel"],
+            "measure": row["measure"],
+            "value": None if row["value"] == MISSING else float(row["value"]),
+        }
+        for run in runs
+        for row in read_tsv(Path(run["files"]["parcels"])).to_dict("records")
+    ]
+    write_table(COLUMNS, rows, table, sidecar)
+    said = json.loads(sidecar.read_text(encoding="utf-8"))
+    write_json({**said, "Model": record}, sidecar)

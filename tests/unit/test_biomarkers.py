@@ -1,0 +1,148 @@
+"""A population of folds: the model and its p against known answers, and the files that a population has."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import nibabel as nib
+import numpy as np
+import pytest
+from shapes import ball_surface
+
+from cortet.errors import InputError
+from cortet.folding.biomarkers import design_of, effects, write_common, write_population, write_values
+from cortet.folding.measures import MEASURES
+from cortet.folding.section import Biomarkers
+from cortet.formats.gifti import read_fields, write_fields, write_surface
+from cortet.meshes import TriSurface
+
+FOLDS, RADIUS = 12, 20.0
+#: p below which a vertex counts as found, permutations, and permuted groups
+ALPHA, PERMUTATIONS, GROUPS = 0.05, 200, 40
+
+
+def rows(number: int = FOLDS) -> list[dict[str, object]]:
+    return [
+        {"case": f"s{i}", "variant": "usual", "scan_age": 26 + i % 5, "group": "ab"[i % 2], "sex": "fm"[i // 2 % 2]}
+        for i in range(number)
+    ]
+
+
+def noise(vertices: int, seed: int = 0, number: int = FOLDS) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=(number, vertices))
+
+
+def test_every_scalar_measure_may_be_chosen() -> None:
+    assert Biomarkers().measures == [name for name in MEASURES if not name.endswith("_direction")]
+
+
+def test_words_become_groups_and_numbers_are_centred() -> None:
+    design = design_of(rows(), ["scan_age", "group"])
+    assert design.names == ["scan_age", "group[b]"]
+    assert design.tested[:, 0].mean() == pytest.approx(0)
+    assert design.tested[:4, 1].tolist() == [0, 1, 0, 1]
+
+
+def test_variants_are_compared_within_cases() -> None:
+    both = [{**row, "variant": name} for row in rows(4) for name in ("usual", "thin")]
+    design = design_of(both, ["variant"])
+    assert design.names == ["variant[thin]"] and design.held.shape == (8, 3)
+    values = np.repeat(10.0 * np.arange(4), 2)[:, None] + np.tile([0.0, 1.0], 4)[:, None]
+    values = values + 0.01 * noise(1, number=8)
+    t, _ = effects(values, design, permutations=20, seed=0)["variant[thin]"]
+    assert t[0] > 20  # the cases differ ten times as much as the variants
+
+
+@pytest.mark.parametrize(
+    ("model", "what"),
+    [
+        (["mass"], "without a value of mass"),
+        (["case2"], "is same in all folds"),
+        (["variant", "group"], "variant compares folds of one case"),
+        (["group", "copy"], "too few, or say the same"),
+        (["word"], "too few, or say the same"),
+    ],
+)
+def test_a_model_that_cannot_be_fitted_is_refused(model: list[str], what: str) -> None:
+    given = [{**row, "case2": "same", "copy": row["group"], "word": row["case"]} for row in rows()]
+    with pytest.raises(InputError, match=what):
+        design_of(given, model)
+
+
+def test_t_is_that_of_the_textbook() -> None:
+    from scipy.stats import ttest_ind
+
+    values, given = noise(30), rows()
+    t, p = effects(values, design_of(given, ["group"]), permutations=PERMUTATIONS, seed=0)["group[b]"]
+    second = np.array([row["group"] == "b" for row in given])
+    assert t == pytest.approx(ttest_ind(values[second], values[~second]).statistic)
+    assert p.min() >= 1 / (PERMUTATIONS + 1) * (1 - 1e-9)
+
+
+def test_an_effect_is_found_where_it_is_and_others_are_held() -> None:
+    given, values = rows(), noise(200)
+    values[:, :10] += 6.0 * np.array([row["group"] == "b" for row in given])[:, None]
+    values += 3.0 * np.array([row["scan_age"] for row in given], float)[:, None]
+    values[0, 50], values[:, 51] = np.nan, 1.0
+    found = effects(values, design_of(given, ["group", "scan_age"]), permutations=PERMUTATIONS, seed=0)
+    _, p = found["group[b]"]
+    assert (p[:10] < ALPHA).all() and not (p[10:] < ALPHA).any()
+    assert np.isnan(p[[50, 51]]).all()
+    again = effects(values, design_of(given, ["group", "scan_age"]), permutations=PERMUTATIONS, seed=0)
+    assert np.array_equal(again["group[b]"][1], p, equal_nan=True)
+
+
+def test_false_positives_come_at_their_rate() -> None:
+    """Groups at random on noise: of 40, any vertex below 0.05 in at most 6 (binomial, 99 %); benchmarks has 200."""
+    false, values, random = 0, noise(100), np.random.default_rng(1)
+    for _ in range(GROUPS):
+        given = [{**row, "group": name} for row, name in zip(rows(), random.permutation(list("ab" * 6)), strict=True)]
+        _, p = effects(values, design_of(given, ["group"]), permutations=100, seed=0)["group[b]"]
+        false += bool((p < ALPHA).any())
+    assert false <= 6
+
+
+def test_a_population_has_stacks_maps_a_design_and_a_table(tmp_path: Path) -> None:
+    common, given = ball_surface(2, 100.0), rows(8)
+    height = ball_surface(3, 1.0).points[:, 2]
+    runs = []
+    for number, row in enumerate(given):
+        surface = TriSurface(RADIUS * ball_surface(3, 1.0).points, ball_surface(3, 1.0).faces)
+        depth = np.where((height > 0.5) & (row["group"] == "b"), 5.0, 1.0) + 0.1 * noise(len(height), number, 1)[0]
+        folder = tmp_path / str(row["case"])
+        files = {name: str(folder / f"{name}.{end}") for name, end in (("surface", "surf.gii"), ("maps", "shape.gii"))}
+        files["parcels"] = str(folder / "parcels.tsv")
+        write_surface(surface, folder / "folded.surf.gii")
+        write_surface(ball_surface(3, 50.0), folder / "sphere.surf.gii")
+        write_fields({"depth": depth}, folder / "depth.shape.gii")
+        write_fields({"parcel": (height > 0.5).astype(np.int32)}, folder / "p.label.gii")
+        write_common(
+            folder / "folded.surf.gii",
+            {"depth": folder / "depth.shape.gii"},
+            folder / "sphere.surf.gii",
+            common,
+            folder / "p.label.gii",
+            {name: Path(file) for name, file in files.items()},
+            hemi="L",
+        )
+        runs.append({**row, "hemi": "L", "week": 30.0, "files": files})
+    ends = {"order": "tsv", "surface": "surf.gii", "depth_stack": "func.gii", "depth_maps": "shape.gii"}
+    ends |= {"design": "mat", "contrasts": "con", "figure": "png"}
+    outputs = {name: str(tmp_path / f"all/{name}.{end}") for name, end in ends.items()}
+    record = write_population(runs, ["depth"], ["group"], outputs, permutations=PERMUTATIONS, seed=0, hemi="L")
+    stack = nib.load(outputs["depth_stack"])
+    assert [array.meta["Name"] for array in stack.darrays] == [row["case"] for row in given]
+    assert stack.meta["AnatomicalStructurePrimary"] == "CortexLeft"
+    maps, high = read_fields(outputs["depth_maps"]), common.points[:, 2] > 60
+    assert set(maps) == {"mean", "spread", "t_group[b]", "p_group[b]"}
+    assert (maps["p_group[b]"][high] < ALPHA).all()
+    assert not (maps["p_group[b]"][common.points[:, 2] < 30] < ALPHA).any()
+    assert record["effects"]["group[b]"]["depth"]["smallest_p"] < ALPHA
+    assert "/NumWaves\t2\n/NumPoints\t8\n/Matrix\n" in Path(outputs["design"]).read_text()
+    assert Path(outputs["contrasts"]).read_text().endswith("/Matrix\n1\t0\n")
+    write_values(runs, record, tmp_path / "t.tsv", tmp_path / "t.json")
+    lines = [line.split("\t") for line in (tmp_path / "t.tsv").read_text().splitlines()]
+    assert lines[0] == ["case", "variant", "hemi", "week", "parcel", "measure", "value"]
+    means = {(line[0], line[4]): float(line[6]) for line in lines[1:]}
+    assert means["s1", "1"] == pytest.approx(5, abs=0.3) and means["s0", "1"] == pytest.approx(1, abs=0.3)
+    assert {parcel for _, parcel in means} == {"all", "0", "1"}
