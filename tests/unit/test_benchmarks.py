@@ -27,6 +27,7 @@ TINY = {
     "repair": ["x_pial.surf.gii", "--cell-size", "4"],
     "fidelity smoothing": ["x_pial.surf.gii", "--voxels", "1"],
     "wrong_meshes": ["--sizes", "4"],
+    "home": ["x_pial.surf.gii", "--cell-size", "4"],
 }
 
 
