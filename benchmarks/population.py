@@ -21,7 +21,7 @@ from cortet.folding.biomarkers import design_of, effects
 from cortet.folding.folded_surface import maps_of
 from cortet.geometry.spheres import vertex_areas
 from cortet.meshes import TriSurface
-from cortet.phantom import phantom_with_sphere
+from cortet.phantoms import phantom_with_sphere
 from cortet.solver_files.common_sphere import Parcels
 
 MEASURES = ("depth", "area_growth", "cortex_pressure", "cortex_stretch")

@@ -6,7 +6,7 @@ import numpy as np
 
 from cortet.cohort.sheet import Case, write_sheet
 from cortet.formats.gifti import write_fields, write_surface
-from cortet.phantom import phantom_with_sphere
+from cortet.phantoms import phantom_with_sphere
 
 cases = []
 for number in range(10):
