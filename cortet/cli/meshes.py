@@ -361,7 +361,7 @@ def project(
     --------
     cortet project result.vtu --mesh lh.vtu -o lh.func.gii
     """
-    from cortet.formats.gifti import hemisphere_of, write_fields
+    from cortet.formats.gifti import hemisphere_of, require_same_hemisphere, write_fields
     from cortet.formats.ownership import may_write
     from cortet.formats.tsv import write_tsv
     from cortet.geometry.spheres import carried
@@ -379,6 +379,9 @@ def project(
     content = read_mesh(mesh)
     found, file, how = map_of_file(mesh, content, surface)
     print(f"{file}: {how}")
+    hemisphere = (read_sidecar(mesh).get("made_from") or {}).get("hemisphere") or hemisphere_of(file)
+    for one in filter(None, (file, parcels, sphere, template_sphere)):
+        require_same_hemisphere(one, hemisphere)
     labels = read_parcels(parcels, found.native) if parcels else None
     weights = None
     if sphere and template_sphere:
@@ -396,7 +399,6 @@ def project(
         print(f"{table}: {len(rows)} means")
     if weights is not None:
         fields = {name: carried(weights, values) for name, values in fields.items()}
-    hemisphere = (read_sidecar(mesh).get("made_from") or {}).get("hemisphere") or hemisphere_of(file)
     write_fields(fields, output, hemisphere=hemisphere)
     count = len(found.points) if weights is None else weights.shape[0]
     print(f"{output}: {len(fields)} fields of {count:,} vertices: {', '.join(fields)}")

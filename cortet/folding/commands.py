@@ -131,7 +131,7 @@ def fold(
     from cortet.folding.measures import surface_files, weeks_of
     from cortet.folding.plausible import brain_of
     from cortet.folding.section import Settings
-    from cortet.formats.gifti import hemisphere_of, kind_of, read_surface
+    from cortet.formats.gifti import kind_of, read_surface, require_same_hemisphere
     from cortet.solver_files.surface_map import map_of_file
 
     mesh = read_mesh(file, whole=True)
@@ -152,12 +152,7 @@ def fold(
     beside = loaded.fold.real_surfaces_of(side)
     for path in beside.values():  # before the work
         read_surface(path)
-        if side and (named := hemisphere_of(path)) not in (None, side):
-            raise InputError(
-                f"is of hemisphere {named}, as it says, not {side}",
-                file=path,
-                remedy="name the surface of the same hemisphere",
-            )
+        require_same_hemisphere(path, side)
     weeks = weeks_of(loaded.fold.surfaces, age, loaded.fold.end)
     if missed := sorted({*loaded.fold.surfaces} - {*weeks}):
         raise InputError(

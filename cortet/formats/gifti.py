@@ -127,6 +127,16 @@ def hemisphere_of(path: str | Path) -> Literal["L", "R"] | None:
     return known.get(named[1]) if named else None
 
 
+def require_same_hemisphere(path: str | Path, hemisphere: str | None) -> None:
+    """Raise InputError if a file states another hemisphere than that of the surface it belongs to; None: unknown."""
+    if hemisphere and (named := hemisphere_of(path)) not in (None, hemisphere):
+        raise InputError(
+            f"is of hemisphere {named}, as it says, not {hemisphere}",
+            file=path,
+            remedy="name the file of the same hemisphere",
+        )
+
+
 def kind_of(path: str | Path) -> Literal["white", "pial"] | None:
     """Which surface of the cortex a file holds: by AnatomicalStructureSecondary of a GIfTI, or its name; None: unknown.
 

@@ -23,7 +23,15 @@ if TYPE_CHECKING:
 #: types of cells that are tetrahedra, of four nodes and more, of VTK and of meshio; their corners come first
 _OF_VTK, _OF_MESHIO, _CORNERS = (10, 24), ("tetra", "tetra10"), 4
 #: arrays that readers of VTK add
-_OF_READERS = ("ObjectId", "GlobalElementId", "GlobalNodeId", "PedigreeElementId", "PedigreeNodeId", "vtkGhostType")
+_OF_READERS = (
+    "ObjectId",
+    "GlobalElementId",
+    "GlobalNodeId",
+    "PedigreeElementId",
+    "PedigreeNodeId",
+    "vtkGhostType",
+    "original_node_ids",
+)
 #: kinds of numbers that are kept: real ones
 _NUMBERS = "fiub"
 
@@ -42,8 +50,12 @@ def _with_pyvista(path: Path) -> Iterator[_Step]:
     try:
         reader = pyvista.get_reader(str(path))
     except ValueError:  # it knows no reader for this ending
-        yield from _with_meshio(path)
-        return
+        if path.suffix.lower() != ".frd":  # of CalculiX
+            yield from _with_meshio(path)
+            return
+        from pyvista_frd import FRDReader
+
+        reader = FRDReader(path)
     times = list(getattr(reader, "time_values", ()))
     if isinstance(reader, pyvista.ExodusIIReader) and len(times) < 2:  # of files that meshio wrote, VTK returns noise
         yield from _with_meshio(path)  # which reads the first time only

@@ -33,6 +33,11 @@ def with_sets(mesh: TetMesh) -> tuple[Arrays, Arrays]:
     return {**mesh.point_data, **node_sets}, {**mesh.cell_data, **numbers, **face_sets, **cell_sets}
 
 
+def holds_set(name: str) -> bool:
+    """Whether an array of this name holds a set, or numbers of regions, as `with_sets` makes them."""
+    return name == REGION or name.startswith((_NODE_SET, _FACE_SET, _CELL_SET))
+
+
 def names_of(mesh: TetMesh) -> dict[str, tuple[int, int]]:
     """Name -> number and dimension (3 or 2) of each region and of each part of the surface, if the mesh has any."""
     cells = regions(mesh).items() if mesh.sets.cells else ()

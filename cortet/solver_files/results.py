@@ -18,6 +18,7 @@ from cortet.errors import DamagedFileError, InputError
 from cortet.formats import child, result_reader
 from cortet.formats.components import in_components
 from cortet.formats.placement import UNITS
+from cortet.formats.set_arrays import holds_set
 from cortet.formats.untrusted import check_file, naming, sound
 from cortet.geometry.topology import edges, used_vertices
 from cortet.meshes import IntArray, TetMesh
@@ -191,7 +192,7 @@ def on_surface(
         there = {
             name: applied(matrix, values).astype(np.float64)
             for name, values in {**nodal, **elementwise, **nodal}.items()
-            if name not in left_out
+            if name not in left_out and not holds_set(name)
         }
         tensors, lines = _of_tensors(there)
         told |= dict.fromkeys(lines)

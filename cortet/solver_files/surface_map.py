@@ -250,6 +250,8 @@ def map_of_file(path: Path, mesh: TetMesh, surface: Path | None = None) -> tuple
             remedy="name the surface that the mesh was made from, in mm",
         )
     matched = [f"{found.kept.sum():,} of {len(found.kept):,} vertices by their number"] if found.kept.any() else []
+    if matched and (far := np.nanmedian(found.distances[found.kept])) > _FAR_MM:  # an inflated one, or another brain
+        matched.append(f"though half of these are over {far:.1f} mm away")
     if len(others):
         matched.append(f"{len(others):,} by the closest point, at most {others.max():.2f} mm away")
     return found, file, ", ".join(matched)

@@ -291,6 +291,7 @@ def test_a_named_surface_takes_the_place_of_that_of_the_sidecar(
     write_surface(ball_surface(3, 3 * RADIUS), "inflated.surf.gii")
     assert project("r.vtu", "--mesh", "x.vtu", "--surface", "inflated.surf.gii", "-o", "r.func.gii") == 0
     assert np.array_equal(arrays("own.func.gii")["T"], arrays("r.func.gii")["T"])
+    assert "642 of 642 vertices by their number, though half of these are over 28.0 mm away" in capsys.readouterr().out
     write_surface(ball_surface(2, RADIUS), "coarse.surf.gii")
     assert project("r.vtu", "--mesh", "x.vtu", "--surface", "coarse.surf.gii", "-o", "coarse.func.gii") == 0
     assert len(arrays("coarse.func.gii")["T"]) == 162
@@ -450,6 +451,42 @@ def test_the_result_goes_to_a_common_sphere(folder: Path, mesh: TetMesh, capsys:
     assert main([*command, "t.surf.gii", "--template-sphere", "own.surf.gii", "--force"]) == 1
     assert "are not those of the surface" in capsys.readouterr().err
     assert main([*command, "own.surf.gii", "--force"]) == 1
+
+
+@pytest.mark.parametrize("option", ["--parcels", "--sphere", "--template-sphere", "--surface"])
+def test_files_of_the_other_hemisphere_are_refused(
+    folder: Path, mesh: TetMesh, capsys: pytest.CaptureFixture[str], option: str
+) -> None:
+    write(mesh, "r.vtu")
+    for name in ("own", "right"):
+        write_surface(ball_surface(3, 100.0 if "sphere" in option else RADIUS), f"{name}.surf.gii")
+    write_fields({"parcel": np.zeros(642, np.int32)}, "right.label.gii", hemisphere="R")
+    image = nib.load("right.surf.gii")
+    image.meta["AnatomicalStructurePrimary"] = "CortexRight"
+    Path("right.surf.gii").write_bytes(image.to_xml())
+    given = {"--sphere": "own.surf.gii", "--template-sphere": "own.surf.gii"} if "sphere" in option else {}
+    given |= {option: "right.label.gii" if option == "--parcels" else "right.surf.gii"}
+    words = [word for pair in given.items() for word in pair]
+    assert main(["project", "r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii", *words]) == 1
+    assert f"{given[option]}: is of hemisphere R, as it says, not L" in capsys.readouterr().err
+    assert not list(folder.glob("r.*.gii")) and not list(folder.glob("r.*.tsv"))
+
+
+def test_sets_are_no_results(folder: Path, mesh: TetMesh) -> None:
+    result = pyvista.read("x.vtu")  # as users make one: the mesh, with a field
+    result["height"] = result.points[:, 2]
+    result.save("r.vtu")
+    assert project("r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii") == 0
+    assert set(arrays("r.func.gii")) == {"height"}
+
+
+def test_a_result_of_calculix_is_read(folder: Path, mesh: TetMesh) -> None:
+    calculix = pytest.importorskip("pyvista_frd")
+    result = grid(mesh.points, mesh.cells)
+    result["DISP"] = mesh.points
+    calculix.write("r.frd", result)
+    assert project("r.frd", "--mesh", "x.vtu", "-o", "r.func.gii") == 0
+    assert np.abs(arrays("r.func.gii")["DISP_3"] - shapes_of(folder).points[:, 2]).max() < 0.6
 
 
 def test_a_frame_of_a_fold_is_projected_where_its_nodes_began(folder: Path, mesh: TetMesh) -> None:
