@@ -71,32 +71,46 @@ def _population(folds: Folds) -> Result:
     named = {group: folds.population_files(*group) for group in groups}
     every = [run for runs in groups.values() for run in runs]
 
+    def modelled(runs: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        from cortet.folding.biomarkers import VARIANT
+
+        return [run for run in runs if VARIANT in chosen.model or run["variant"] == USUAL]
+
+    def inputs() -> list[str]:
+        """What is asked for is checked before hours of folding, and before Snakemake deletes an earlier result."""
+        from cortet.folding.biomarkers import design_of
+
+        _require_folds(every)
+        if chosen.parcels and not any(chosen.parcels in plan.cases[run["case"]].fields for run in every):
+            raise InputError(
+                f"biomarkers.parcels: no folded case has the field {chosen.parcels}",
+                remedy=f"add the column field_{chosen.parcels} to the cohort sheet, or mend biomarkers.parcels",
+            )
+        for group, runs in groups.items() if chosen.model else ():
+            design_of(modelled(runs), chosen.model, of=_named(group))
+        return [path for run in every for path in run["files"].values()]
+
     def write() -> None:
         from importlib.metadata import version
 
-        from cortet.folding.biomarkers import VARIANT, write_population, write_values
+        from cortet.folding.biomarkers import write_population, write_values
 
         there = [run for run in every if not any(map(plan.missing, run["files"].values()))]
-        if not there:
-            raise InputError(
-                "no fold is on the common mesh",
-                remedy="name weeks in fold.surfaces, cases in fold.cases, and their spheres in column sphere",
-            )
+        _require_folds(there)
         options = {"model": chosen.model, "permutations": chosen.permutations, "seed": chosen.seed}
         record: dict[str, Any] = {**options, "nilearn": version("nilearn")}
         for group, runs in groups.items():
-            mine = [run for run in runs if run in there and (VARIANT in chosen.model or run["variant"] == USUAL)]
-            if mine:
+            if mine := [run for run in modelled(runs) if run in there]:
                 made = write_population(mine, chosen.measures, outputs=named[group], hemi=mine[0]["hemi"], **options)
-                record[f"hemi-{group[0]}_week-{group[1]:g}"] = made
+                record[_named(group)] = made
         write_values(there, record, Path(table[0]), Path(table[1]))
 
     return Result(
         "biomarkers",
         [*table, *(path for some in named.values() for path in some.values())],
-        lambda: [path for run in every for path in run["files"].values()],
+        inputs,
         write,
-        ("folding.biomarkers", "report.render"),
+        ("folding.biomarkers", "report.render", "report.surface_maps"),
         {some["figure"]: ("Folding", {"figure": f"{group[1]:g} weeks, {group[0]}"}) for group, some in named.items()},
         "biomarkers",
         lambda: [chosen.model_dump(mode="json"), [{key: run[key] for key in run if key != "files"} for run in every]],
@@ -104,6 +118,19 @@ def _population(folds: Folds) -> Result:
         minutes=240,
         measures=False,
     )
+
+
+def _named(group: tuple[str, float]) -> str:
+    """The name of the folds of a hemisphere at a week."""
+    return f"hemi-{group[0]}_week-{group[1]:g}"
+
+
+def _require_folds(runs: list[dict[str, Any]]) -> None:
+    if not runs:
+        raise InputError(
+            "no fold is on the common mesh",
+            remedy="name weeks that folds reach in fold.surfaces, cases in fold.cases, and spheres in column sphere",
+        )
 
 
 def sentences(plan: Plan) -> list[str]:

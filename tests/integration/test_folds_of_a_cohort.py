@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -79,5 +80,15 @@ def test_folds_of_cases_with_spheres_make_a_population(study: Study) -> None:
     said = json.loads((study.outputs / "cohort/biomarkers.json").read_text())
     assert said["Model"]["hemi-L_week-24.1"]["folds"] == 4
     assert study.planned_jobs("biomarkers") == set()
+    usual = study.config["biomarkers"]
+    for changed, words in (
+        ({"model": ["weight"]}, "hemi-L_week-24.1: biomarkers.model: sub-a_hemi-L, .* without a value of weight"),
+        ({"parcels": "lobe"}, "biomarkers.parcels: no folded case has the field lobe"),
+    ):  # said before anything is folded, and the earlier result is kept
+        study.config["biomarkers"] = usual | changed
+        refused = study.run("biomarkers")
+        assert refused.returncode and re.search(words, refused.stdout + refused.stderr)
+        assert (study.outputs / "cohort/biomarkers.tsv").exists()
+    study.config["biomarkers"] = usual
     study.jobs_of_run("methods")
     assert "general linear model of group" in (study.outputs / "cohort/methods.md").read_text()
