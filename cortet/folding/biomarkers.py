@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -29,10 +30,10 @@ from cortet.formats.tsv import MISSING, read_tsv, write_tsv
 from cortet.geometry.spheres import vertex_areas
 from cortet.meshes import FloatArray, TriSurface
 from cortet.report.figures import PAGE, drawn, save
-from cortet.report.render import surface_view
+from cortet.report.surface_maps import map_view, usual_range
 from cortet.solver_files.common_sphere import Parcels, onto_common, read_parcels
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: column of the model that compares the variants of `fold` within cases
 VARIANT = "variant"
@@ -48,12 +49,10 @@ COLUMNS = (
     Column("measure", "What was measured", levels={name: what for name, (what, _) in MEASURES.items()}),
     Column("value", "Mean over the area of the folded parcel, in the unit of the measure"),
 )
-#: percent of the vertices that the range of colours leaves out at either end
-_TAIL = 2.0
 #: differences of values below this share of the largest value are rounding: files hold float32
 _ROUNDING = 1e-6
-#: largest p that a map of the figure shows
-_SHOWN = 0.05
+#: p from which on the figure is grey, and the number of colours of p
+_SHOWN, _COLOURS = 0.05, 512
 
 
 # --- one fold
@@ -113,18 +112,19 @@ class Design(NamedTuple):
     held: FloatArray
 
 
-def design_of(rows: Sequence[Mapping[str, Any]], model: Sequence[str]) -> Design:
+def design_of(rows: Sequence[Mapping[str, Any]], model: Sequence[str], *, of: str = "") -> Design:
     """The columns of a model, from rows of values: numbers are taken from their mean, words become indicators.
 
     Parameters
     ----------
     rows : one for each fold, with `case` and the columns of the model
+    of : name of these folds, for errors
 
     Raises
     ------
     InputError : a column is missing, has no value for a fold, or does not differ; or the folds are too few
     """
-    remedy = "mend biomarkers.model, or the column in the cohort sheet"
+    remedy, begin = "mend biomarkers.model, or the column in the cohort sheet", f"{of}: " if of else ""
     if VARIANT in model and len(model) > 1:
         raise InputError(
             "biomarkers.model: variant compares folds of one case, and other columns compare cases",
@@ -134,10 +134,10 @@ def design_of(rows: Sequence[Mapping[str, Any]], model: Sequence[str]) -> Design
     for name in model:
         values = [str(row.get(name, MISSING)) for row in rows]
         if empty := [row["case"] for row, value in zip(rows, values, strict=True) if value in ("", MISSING, "None")]:
-            raise InputError(f"biomarkers.model: {', '.join(empty)} without a value of {name}", remedy=remedy)
+            raise InputError(f"{begin}biomarkers.model: {', '.join(empty)} without a value of {name}", remedy=remedy)
         found = _indicators(values, first=USUAL if name == VARIANT else None)
         if not found:
-            raise InputError(f"biomarkers.model: {name} is {values[0]} in all folds", remedy=remedy)
+            raise InputError(f"{begin}biomarkers.model: {name} is {values[0]} in all folds", remedy=remedy)
         names += [name if level is None else f"{name}[{level}]" for level in found]
         columns += list(found.values())
     held = list(_indicators([str(row["case"]) for row in rows], words=True).values()) if VARIANT in model else []
@@ -145,7 +145,7 @@ def design_of(rows: Sequence[Mapping[str, Any]], model: Sequence[str]) -> Design
     every = np.column_stack([made.tested, made.held, np.ones(len(rows))])
     if np.linalg.matrix_rank(every) < every.shape[1] or len(rows) < every.shape[1] + 2:
         raise InputError(
-            f"biomarkers.model: {len(rows)} folds for {every.shape[1]} columns ({', '.join(names)}, the mean"
+            f"{begin}biomarkers.model: {len(rows)} folds for {every.shape[1]} columns ({', '.join(names)}, the mean"
             f"{', cases' if held else ''}), which are too few, or say the same",
             remedy="leave out columns, or add cases",
         )
@@ -281,8 +281,8 @@ def _write_palm(design: Design, matrix: Path, contrasts: Path) -> None:
 def population_figure(
     mean: TriSurface, maps: Mapping[str, Mapping[str, NDArray[Any]]], hemi: Literal["L", "R"] | None
 ) -> Figure:
-    """Each measure a row on the mean surface: mean and spread from outside, and -log10 of p from both sides, from 0.05
-    on.
+    """Each measure a row on the mean surface: mean and spread from outside, and -log10 of p from both sides, in grey
+    where p is 0.05 or more.
     """
     effects = [name.removeprefix("p_") for name in next(iter(maps.values())) if name.startswith("p_")]
     outside: Literal["L", "R"] = hemi or "L"
@@ -296,30 +296,29 @@ def population_figure(
                     (f"{name}: $-\\log_{{10}} p$", -np.log10(some[f"p_{name}"]), side) for side in (outside, inside)
                 ]
             for axis, (title, values, side) in zip(axes[number], panels, strict=True):
-                image, colours = _view(mean, values, side, title in ("mean", "spread"))
+                of_p = title not in ("mean", "spread")
+                image, colours = (
+                    _view_of_p(mean, values, side) if of_p else map_view(mean, values, side, usual_range(values))
+                )
                 axis.imshow(image, interpolation="antialiased")
                 axis.set_axis_off()
                 if number == 0:
                     axis.set_title(title)
-                figure.colorbar(colours, ax=axis, shrink=0.7)
+                bar = figure.colorbar(colours, ax=axis, shrink=0.7)
+                if of_p:
+                    bar.ax.axhline(-np.log10(_SHOWN), color="black", linewidth=0.8)
             first = axes[number, 0]
             first.text(-0.05, 0.5, measure.replace("_", "\n"), transform=first.transAxes, ha="right", va="center")
     return figure
 
 
-def _view(
-    mean: TriSurface, values: NDArray[Any], side: Literal["L", "R"], measured: bool
-) -> tuple[NDArray[np.uint8], ScalarMappable]:
-    """A picture of values at vertices, of a measure or of -log10 p, and its colours."""
-    low, high = -np.log10(_SHOWN), max(float(np.nanmax(values, initial=0)), 2.0)
-    if measured:
-        low, high = np.nanpercentile(values, [_TAIL, 100 - _TAIL]) if np.isfinite(values).any() else (0, 1)
-    high = max(high, low + 1e-6)
-    of_faces = np.nan_to_num(values, nan=low)[mean.faces].mean(axis=1)
-    image = surface_view(
-        mean, side=side, size=(450, 340), distances=of_faces, lowest=low, darkest=high, colours="viridis"
-    )
-    return image, ScalarMappable(Normalize(low, high), "viridis")
+def _view_of_p(mean: TriSurface, logarithm: NDArray[Any], side: Literal["L", "R"]) -> tuple[Any, ScalarMappable]:
+    """A picture of -log10 p at vertices, as `map_view`."""
+    high = max(float(np.nanmax(logarithm, initial=0)), 2.0)
+    grey = round(_COLOURS * -np.log10(_SHOWN) / high)
+    below = colormaps["Greys"](np.linspace(0.1, 0.5, grey))
+    above = colormaps["viridis"](np.linspace(0, 1, _COLOURS - grey))
+    return map_view(mean, logarithm, side, (0.0, high), ListedColormap(np.concatenate([below, above])))
 
 
 def write_values(runs: Sequence[Mapping[str, Any]], record: Mapping[str, Any], table: Path, sidecar: Path) -> None:

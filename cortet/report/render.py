@@ -11,6 +11,7 @@ from typing import Literal
 import matplotlib.image
 import numpy as np
 import pyvista
+from matplotlib.colors import Colormap
 from numpy.typing import NDArray
 
 from cortet.errors import InputError, StageError
@@ -134,7 +135,7 @@ def surface_view(
     distances: FloatArray | None = None,
     lowest: float = 0.0,
     darkest: float | None = None,
-    colours: str = "Greys",
+    colours: str | Colormap = "Greys",
 ) -> NDArray[np.uint8]:
     """A surface from the left or the right of the head; open and branching edges are drawn over it.
 
@@ -146,7 +147,7 @@ def surface_view(
     distances : (m,) mm, one per face; faces are coloured from white at `lowest` to black at `darkest`
     lowest : mm
     darkest : mm; None: the largest distance
-    colours : colour map of the distances, as matplotlib names it
+    colours : colour map of the distances, of matplotlib or as it names it
 
     Returns
     -------
