@@ -311,14 +311,52 @@ def quadratic(
     return 0
 
 
-def picture(file: MeshFile, /, *, output: Annotated[Picture, O], _: Writes = Writes()) -> int:
-    """Draw a mesh cut open, coloured by q.
+def picture(
+    file: MeshFile,
+    /,
+    *,
+    output: Annotated[Picture, O],
+    field: InputFile | None = None,
+    name: str | None = None,
+    _: Writes = Writes(),
+) -> int:
+    """Draw a mesh cut open, coloured by q, or a surface in the colours of a map.
+
+    Parameters
+    ----------
+    field
+        GIfTI with values at the vertices of the surface, which then takes the place of the mesh.
+    name
+        Of the array in it (default: the first).
 
     Examples
     --------
     cortet picture lh.vtu -o lh.png
     """
-    draw(read_mesh(file), output)
+    if field is None:
+        if name is not None:
+            raise InputError("--name is of an array of a field", remedy="add --field FILE")
+        draw(read_mesh(file), output)
+        return 0
+    from cortet.formats.gifti import hemisphere_of, read_fields, read_surface, require_same_hemisphere
+
+    surface, fields = read_surface(file), read_fields(field)
+    chosen = next(iter(fields), "") if name is None else name
+    if chosen not in fields:
+        known = f"there are {', '.join(fields)}" if fields else "it has none"
+        raise InputError(f"has no array {chosen}".rstrip(), file=field, remedy=known)
+    values = fields[chosen]
+    if values.shape != (len(surface.points),):
+        raise InputError(
+            f"{chosen} has values of shape {values.shape} for {len(surface.points):,} vertices",
+            file=field,
+            remedy=f"give a map with one number for each vertex of {file}",
+        )
+    require_same_hemisphere(field, hemisphere_of(file))
+    from cortet.report.surface_maps import draw_map
+
+    draw_map(surface, values, chosen, output)
+    print(f"{output}: drawn")
     return 0
 
 
