@@ -43,6 +43,7 @@ for result in RESULTS:
             mem_mb=result.memory_mb,
             runtime=result.minutes,
         params:
+            **({"journal": CONFIG.figures.journal} if result.is_drawn else {}),
             facts=partial(facts_of, result),
             version=versions(*result.code),
         script:

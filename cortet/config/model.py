@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import create_model, field_validator
 
-from cortet.config.sections import Cohort, Export, Phantom, Quality
+from cortet.config.sections import Cohort, Export, Figures, Phantom, Quality
 from cortet.errors import InputError
 from cortet.formats import require_holes
 from cortet.formats.placement import matrix
@@ -80,6 +80,7 @@ class _AfterTheLine(_WithTheLine):
     certify: Certify = Certify()
     quality: Quality = Quality()
     export: Export = Export()
+    figures: Figures = Figures()
 
 
 def _with_sections(model: type[Section], sections: Mapping[str, type[Section]]) -> type[Section]:
@@ -107,6 +108,11 @@ class Config(_WithNeighbours):
         """The section of a stage, which may be that of another stage."""
         section: Section = getattr(self, stage.section or stage.name)
         return section
+
+    @property
+    def target(self) -> float | None:
+        """Worst q at which the line stops to improve a mesh; None without S4+, which alone reaches it."""
+        return float(self.reconnect.threshold) if self.enabled("reconnect") else None
 
     def enabled(self, stage: str) -> bool:
         """Whether the line of stages contains `stage`."""

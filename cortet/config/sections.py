@@ -100,6 +100,16 @@ class Quality(Section):
     """Stages whose mesh is measured (those that are enabled)."""
 
 
+class Figures(Section):
+    """Figures over all cases."""
+
+    journal: Literal["cortet", "nature", "elsevier", "plos", "ieee"] = "cortet"
+    """Width of the page, font, size of letters: cortet (183 mm, DejaVu Sans, 7 pt), nature (183 mm, Arial, 7 pt),
+    elsevier (190 mm, Arial, 7 pt), plos (190.5 mm, Arial, 8 pt) or ieee (182 mm, Times, 8 pt). Where the font is not
+    installed, Liberation's of the same widths takes its place, else DejaVu Sans. Colours are those that colour-blind
+    readers tell apart."""
+
+
 class Export(Section):
     """Files for solvers, each verified as written."""
 

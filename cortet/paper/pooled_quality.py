@@ -14,9 +14,22 @@ from cortet.paper.experiments import ABLATED
 from cortet.paper.records import Origin, by_origin
 from cortet.report import published
 from cortet.report.colours import BLUE, DARK_GREY, GREEN, ORANGE, PURPLE
-from cortet.report.figures import PAGE, Q_AXIS, H, Q, distribution, drawn, in_powers_of_ten, letter, mark_limit, save
+from cortet.report.figures import (
+    PAGE,
+    Q_AXIS,
+    H,
+    Q,
+    distribution,
+    drawn,
+    in_powers_of_ten,
+    legend,
+    letter,
+    mark_limit,
+    save,
+)
+from cortet.stages.stage import counted
 
-VERSION: int = 5
+VERSION: int = 6
 
 #: stages that have run -> colour, and the line of the published distribution
 _COLOURS = {"S1-S2": ORANGE, "S1-S3": PURPLE, "S1-S4": BLUE, "S1-S4+": GREEN}
@@ -33,6 +46,8 @@ class Pooled:
     meshes: int
     #: stages that have run -> elements (200,) per bin of q
     counts: Mapping[str, NDArray[np.integer[Any]]]
+    #: q at which reconnection stops, None without it
+    target: float | None = None
 
 
 def pooled_quality_figure(pooled: Sequence[Pooled], *, cell_size: float, limit: float | None = None) -> Figure:
@@ -57,33 +72,37 @@ def pooled_quality_figure(pooled: Sequence[Pooled], *, cell_size: float, limit: 
             for stages, counts in row.counts.items():
                 distribution(bulk, tail, counts, color=_COLOURS[stages], linewidth=1.0, label=_NAMES[stages])
             elements = max(int(counts.sum()) for counts in row.counts.values())
-            title = f"setting {row.setting}, {H} = {cell_size:g} mm: {row.meshes} meshes, {elements:,} elements"
+            title = (
+                f"setting {row.setting}, {H} = {cell_size:g} mm: {counted(row.meshes, 'mesh')}, {elements:,} elements"
+            )
             bulk.set_title(title, loc="left")
             bulk.set(xlim=(0, 0.6), ylim=(0, None), ylabel="elements (% per bin of 0.005)")
             tail.set(xlim=(0.2, 0.9), ylim=(1e-3, 1e6), yscale="log", ylabel=f"elements above {Q} (per million)")
             in_powers_of_ten(tail.yaxis)
             if limit is not None:
                 mark_limit(tail, limit)
+            if row.target is not None:
+                mark_limit(tail, row.target, "target", ":")
         for axis in axes[-1]:
             axis.set_xlabel(Q_AXIS)
         letter(axes.ravel())
-        most = max(axes[:, 0], key=lambda axis: len(axis.get_legend_handles_labels()[1]))
-        handles, labels = most.get_legend_handles_labels()
         # published ones fill the first column
-        columns = 2 if len(handles) <= 2 * len(theirs) else 3
-        figure.legend(handles, labels, loc="outside upper center", ncols=columns)
+        columns = 2 if len({stages for row in pooled for stages in row.counts}) <= len(theirs) else 3
+        legend(figure, axes[:, 0], columns=columns)
     return figure
 
 
-def pooled(records: Mapping[Origin, Mapping[str, Any]], settings: Mapping[str, str]) -> list[Pooled]:
+def pooled(
+    records: Mapping[Origin, Mapping[str, Any]], settings: Mapping[str, tuple[str, float | None]]
+) -> list[Pooled]:
     """Summed histograms by setting and stage.
 
     Parameters
     ----------
-    settings : setting -> its mesher; settings of one mesher share the meshes of S1
+    settings : setting -> its mesher, and the target of its reconnection; settings of one mesher share the meshes of S1
     """
     result = []
-    for setting, mesher in settings.items():
+    for setting, (mesher, target) in settings.items():
         members: dict[str, list[Mapping[str, Any]]] = {}
         for origin in sorted(records, key=lambda origin: list(ABLATED).index(origin.stage)):
             if origin.mesher == mesher and origin.setting in (None, setting):
@@ -91,16 +110,18 @@ def pooled(records: Mapping[Origin, Mapping[str, Any]], settings: Mapping[str, s
         counts = {
             stages: np.sum([record["histogram"] for record in group], axis=0) for stages, group in members.items()
         }
-        result.append(Pooled(setting, max(map(len, members.values())), counts))
+        result.append(Pooled(setting, max(map(len, members.values())), counts, target))
     return result
 
 
-def draw_pooled(records: Iterable[str], outputs: Iterable[str], *, settings: Mapping[str, str], limit: float) -> None:
+def draw_pooled(
+    records: Iterable[str], outputs: Iterable[str], *, settings: Mapping[str, tuple[str, float | None]], limit: float
+) -> None:
     """Draw the pooled quality from the files of the records of one cell size.
 
     Parameters
     ----------
-    settings : setting -> its mesher, in the order of the rows
+    settings : as `pooled` takes them, in the order of the rows
     limit : of the worst q
     """
     content = by_origin(records)

@@ -49,7 +49,8 @@ def results(plan: Plan) -> list[Result]:
     def pooled(res: int, outputs: Sequence[str]) -> None:
         from cortet.paper.pooled_quality import draw_pooled
 
-        settings = {str(plan.settings[name].setting): mesher for name, mesher in of.mesher_of.items()}
+        ours = plan.settings
+        settings = {str(ours[name].setting): (mesher, ours[name].target) for name, mesher in of.mesher_of.items()}
         draw_pooled(plan.made(of.pooled_records(res)), outputs, settings=settings, limit=config.certify.q_max)
 
     def side_by_side() -> None:

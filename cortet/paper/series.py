@@ -18,7 +18,7 @@ from cortet.meshes import TetMesh
 from cortet.report.figures import PAGE, Q_AXIS, H, drawn, letter, save
 from cortet.report.render import BEYOND, COLOURS, RANGE, lateral_view
 
-VERSION: int = 4
+VERSION: int = 5
 
 #: hemisphere -> its name, and the side from which it is seen, in the order of the rows
 _HEMISPHERES: dict[str, tuple[str, Literal["L", "R"]]] = {
@@ -86,7 +86,7 @@ def series_figure(
         _draw_scale(axes[-1, 0])
         if cell_size is not None:
             axes[-1, 0].annotate(
-                f"{H} = {cell_size:g} mm", (1.2 * _BAR, -1.5), va="center", fontsize=6, annotation_clip=False
+                f"{H} = {cell_size:g} mm", (1.2 * _BAR, -1.5), va="center", fontsize="small", annotation_clip=False
             )
         _colour_bar(figure, axes)
     return figure
@@ -109,7 +109,13 @@ def _draw_scale(axis: Axes) -> None:
     """A scale bar below the picture."""
     axis.plot([0, _BAR], [-1.5, -1.5], color="black", linewidth=1.5, clip_on=False, solid_capstyle="butt")
     axis.annotate(
-        f"{_BAR:g} mm", (_BAR / 2, -1.5), xytext=(0, -3), textcoords="offset points", ha="center", va="top", fontsize=6
+        f"{_BAR:g} mm",
+        (_BAR / 2, -1.5),
+        xytext=(0, -3),
+        textcoords="offset points",
+        ha="center",
+        va="top",
+        fontsize="small",
     )
 
 

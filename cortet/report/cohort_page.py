@@ -25,7 +25,7 @@ Row = Mapping[str, str]
 KEY = ["case", "cell_size_mm", "mesher"]
 #: modified z-score beyond which a value is an outlier, and the fewest values to check
 #: (Iglewicz and Hoaglin, How to detect and handle outliers, ASQC Quality Press, 1993, who give 3.5)
-OUTLIER, FEWEST = 3.5, 5
+OUTLIER, FEWEST = 3.5, 10
 #: column -> its name in the reason why a mesh is an outlier
 CHECKED = {"q_max": "worst q", "q_mean": "mean q"}
 #: least spread; a smaller one counts as this. If one surface is meshed in other directions, worst q spreads by 0.0005
@@ -64,8 +64,8 @@ _ORDER_IN_WORDS = (
 )
 _AGE = {
     "name": "Figure",
-    "alt": "Number of tetrahedra, mean q and worst q of every mesh against gestational age, the published cohort in "
-    "grey behind; the table has the numbers",
+    "alt": "Number of tetrahedra, mean q, worst q and distance of the surface to the mesh against gestational age, the "
+    "published cohort in grey behind; the table has the numbers",
 }
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
@@ -15,6 +17,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.font_manager import get_font_names
 from matplotlib.ticker import NullFormatter
 from numpy.typing import NDArray
 
@@ -23,7 +26,7 @@ from cortet.formats.tsv import read_tsv
 from cortet.report import published
 from cortet.report.colours import BLUE, COLOURS, DARK_GREY, GREEN, GREY, VERMILION
 
-VERSION: int = 3
+VERSION: int = 4
 
 #: width of one column and of both columns of a two-column journal, inches
 COLUMN, PAGE = 3.5, 7.2
@@ -35,11 +38,11 @@ HEMISPHERES = {"L": (BLUE, "o", "left"), "R": (VERMILION, "^", "right"), "n/a": 
 STYLE = {
     "font.family": "DejaVu Sans",  # comes with Matplotlib: the same letters everywhere
     "font.size": 7,
-    "axes.labelsize": 7,
-    "axes.titlesize": 7,
-    "legend.fontsize": 6,
-    "xtick.labelsize": 6,
-    "ytick.labelsize": 6,
+    "axes.labelsize": "medium",
+    "axes.titlesize": "medium",
+    "legend.fontsize": "small",
+    "xtick.labelsize": "small",
+    "ytick.labelsize": "small",
     "axes.linewidth": 0.6,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -54,6 +57,33 @@ STYLE = {
     "svg.hashsalt": "cortet",  # ids do not change from run to run
 }
 
+
+@dataclass(frozen=True)
+class Look:
+    """What a journal asks of figures."""
+
+    #: width of both columns, mm
+    width: float
+    #: families of fonts, the first of which that is installed is taken
+    fonts: tuple[str, ...]
+    #: size of the letters, points
+    size: float
+    #: of formulas, as Matplotlib names them
+    formulas: str
+
+
+_SANS, _SERIF = ("Arial", "Helvetica", "Liberation Sans"), ("Times New Roman", "Times", "Liberation Serif")
+#: by the names in the section `figures` of the configuration; widths and sizes from the journals' guides to authors
+LOOKS = {
+    "cortet": Look(PAGE * 25.4, (), 7, "dejavusans"),
+    "nature": Look(183, _SANS, 7, "stixsans"),
+    "elsevier": Look(190, _SANS, 7, "stixsans"),
+    "plos": Look(190.5, _SANS, 8, "stixsans"),
+    "ieee": Look(181.9, _SERIF, 8, "stix"),
+}
+#: the look of what is drawn now
+_LOOK: ContextVar[Look] = ContextVar("_LOOK", default=LOOKS["cortet"])
+
 #: the measure of quality as figures write it: by itself, as the label of its axis, and its largest value
 Q, Q_AXIS, Q_MAX = "$q$", "$q$ (0 regular, 1 flat)", r"$q_\mathrm{max}$"
 #: the cell size as figures write it
@@ -63,21 +93,49 @@ _NARROW = 36
 #: position of meshes of unknown age, beyond the end of the age axis: a fraction of its length
 _BESIDE = 1.06
 #: column of the quality table -> label of its panel
-_PANELS = {"tets": "tetrahedra (thousands)", "q_mean": f"mean {Q}", "q_max": Q_MAX}
+_PANELS = {
+    "tets": "tetrahedra (thousands)",
+    "q_mean": f"mean {Q}",
+    "q_max": Q_MAX,
+    "surface_to_boundary_mean_mm": "surface to mesh, mean (mm)",
+}
+
+
+@contextmanager
+def look(name: str) -> Iterator[None]:
+    """Draw and save in the look of a journal, a key of `LOOKS`."""
+    before = _LOOK.set(LOOKS[name])
+    try:
+        yield
+    finally:
+        _LOOK.reset(before)
+
+
+def _style() -> dict[str, Any]:
+    now = _LOOK.get()
+    installed = [font for font in now.fonts if font in get_font_names()]  # Matplotlib warns of each that is not
+    fonts = {"font.family": [*installed[:1], STYLE["font.family"]]}
+    return {**STYLE, **fonts, "font.size": now.size, "mathtext.fontset": now.formulas}
 
 
 @contextmanager
 def drawn(width: float, height: float) -> Iterator[Figure]:
-    """A figure in the common style, inches. It is laid out once, when complete: a second layout would shift it."""
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(width, height), layout="constrained")
+    """A figure in the common style, inches. It is laid out once, when complete: a second layout would shift it.
+
+    Parameters
+    ----------
+    width, height : where a page is `PAGE` wide; both follow the width of the journal's page
+    """
+    wider = _LOOK.get().width / 25.4 / PAGE
+    with mpl.rc_context(_style()):
+        figure = Figure(figsize=(wider * width, wider * height), layout="constrained")
         yield figure
         figure.draw_without_rendering()
     figure.set_layout_engine("none")
 
 
-def letter(axes: Iterable[Axes], *, size: float = 8) -> None:
-    """Write a, b, c, ... at the upper left of panels, in points, so that a caption can name them."""
+def letter(axes: Iterable[Axes], *, size: float | str = "large") -> None:
+    """Write a, b, c, ... at the upper left of panels, so that a caption can name them."""
     for axis, name in zip(axes, ascii_lowercase, strict=False):
         axis.annotate(
             name, (0, 1), xycoords="axes fraction", xytext=(-22, 4), textcoords="offset points",
@@ -85,42 +143,65 @@ def letter(axes: Iterable[Axes], *, size: float = 8) -> None:
         )  # fmt: skip
 
 
-def cohort_figure(table: Path, *, limit: float | None = None) -> Figure:
-    """Number of tetrahedra, mean q and worst q of every mesh against gestational age, over the published cohort.
+def legend(figure: Figure, axes: Iterable[Axes], *, columns: int) -> None:
+    """Explain above the figure what is drawn in any of its panels."""
+    handles: dict[str, Any] = {}
+    for axis in axes:
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True):
+            handles.setdefault(label, handle)
+    figure.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=min(len(handles), columns))
 
-    Meshes of unknown age are drawn beyond the end of the age axis.
+
+def cohort_figure(table: Path, *, limit: float | None = None, target: float | None = None) -> Figure:
+    """Tetrahedra, mean q, worst q and fidelity of every mesh against gestational age, over the published cohort.
+
+    The number of tetrahedra follows the cell size, so the published ones are shown only beside meshes of theirs; q
+    depends little on it, and a panel with others says what the published one is. Meshes of unknown age are drawn beyond
+    the end of the age axis.
 
     Parameters
     ----------
     table : `cohort_quality.tsv`
     limit : of the worst q, drawn as a line; None draws none
+    target : of the worst q, below which nothing is improved, drawn as a dotted line; None draws none
     """
     rows, theirs = read_tsv(table), published.cohort()
     numbers = ["cell_size_mm", "scan_age", *_PANELS]
     rows[numbers] = rows[numbers].apply(pd.to_numeric, errors="coerce")  # an age may be n/a
-    with drawn(PAGE, 2.6) as figure:
-        axes = figure.subplots(1, 3)
+    like = bool(np.isclose(rows["cell_size_mm"], published.CELL_SIZE).any())
+    with drawn(PAGE, 4.6) as figure:
+        axes = figure.subplots(2, 2, sharex=True).ravel()
         for axis, (column, label) in zip(axes, _PANELS.items(), strict=True):
             unit = 1000 if column == "tets" else 1
-            _panel(axis, rows, theirs, column, unit)
+            _panel(axis, rows, theirs if column in theirs and (like or column != "tets") else None, column, unit)
             axis.set(xlabel="gestational age (weeks)", ylabel=label)
+            axis.tick_params(labelbottom=True)
             if rows["scan_age"].isna().any():
                 axis.annotate(
                     "age\nn/a", (_BESIDE, 0), xycoords="axes fraction", xytext=(0, -3), textcoords="offset points",
-                    ha="center", va="top", fontsize=6, linespacing=0.9,
+                    ha="center", va="top", fontsize="small", linespacing=0.9,
                 )  # fmt: skip
         letter(axes)
-        axes[0].set_ylim(bottom=0)
+        for axis in (axes[0], axes[3]):
+            axis.set_ylim(bottom=0)
         low, high = axes[1].get_ylim()
         axes[1].set_ylim(min(low, 0.125), max(high, 0.135))  # otherwise differences of 0.001 look large
-        if limit is not None:
-            axes[2].axhline(limit, color="black", linestyle="--", linewidth=0.8)
-            axes[2].annotate(
-                f"limit {limit:g}", (0.02, limit), xycoords=axes[2].get_yaxis_transform(), xytext=(0, 2),
-                textcoords="offset points", fontsize=6,
-            )  # fmt: skip
-        handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 4))
+        if not like:
+            for axis in axes[1:3]:
+                axis.annotate(
+                    f"grey: {H} = {published.CELL_SIZE:g} mm", (1, 1), xycoords="axes fraction",
+                    ha="right", va="bottom", fontsize="small", color=DARK_GREY,
+                )  # fmt: skip
+        for value, name, line in ((limit, "limit", "--"), (target, "target", ":")):
+            if value is not None:
+                axes[2].axhline(value, color="black", linestyle=line, linewidth=0.8)
+                axes[2].annotate(
+                    f"{name} {value:g}", (1, value), xycoords=axes[2].get_yaxis_transform(), xytext=(0, 2), ha="right",
+                    textcoords="offset points", fontsize="small",
+                )  # fmt: skip
+        if target is not None:
+            axes[2].set_ylim(bottom=min(axes[2].get_ylim()[0], target - 0.03))
+        legend(figure, axes, columns=4)
     return figure
 
 
@@ -166,12 +247,12 @@ def in_powers_of_ten(axis: Axis) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def mark_limit(axis: Axes, limit: float) -> None:
-    """Draw a vertical line at a limit, with its value."""
-    axis.axvline(limit, color="black", linestyle="--", linewidth=0.8)
+def mark_limit(axis: Axes, limit: float, name: str = "limit", line: str = "--") -> None:
+    """Draw a vertical line at a limit, with its name and value."""
+    axis.axvline(limit, color="black", linestyle=line, linewidth=0.8)
     axis.annotate(
-        f"limit {limit:g}", (limit, 0.97), xycoords=axis.get_xaxis_transform(), xytext=(2, 0),
-        textcoords="offset points", va="top", fontsize=6,
+        f"{name} {limit:g}", (limit, 0.97), xycoords=axis.get_xaxis_transform(), xytext=(2, 0),
+        textcoords="offset points", va="top", fontsize="small",
     )  # fmt: skip
 
 
@@ -196,20 +277,21 @@ def save(figure: Figure, *paths: str | Path) -> None:
     for path in map(Path, paths):
         kind = path.suffix.removeprefix(".")
         metadata = {"pdf": {"CreationDate": None, "Producer": None, "Creator": None}, "svg": {"Date": None}}
-        with mpl.rc_context(STYLE), atomic_path(path) as temporary:
+        with mpl.rc_context(_style()), atomic_path(path) as temporary:
             figure.savefig(temporary, format=kind, metadata=metadata.get(kind, {"Software": None}))
 
 
-def _panel(axis: Axes, rows: pd.DataFrame, theirs: pd.DataFrame, column: str, unit: float) -> None:
-    """Draw a column of two tables against age: published meshes in grey, ours by hemisphere and cell size."""
-    axis.scatter(
-        theirs["scan_age_weeks"],
-        theirs[column] / unit,
-        s=6,
-        color=GREY,
-        linewidths=0,
-        label=f"published (CORTET), {H} = {published.CELL_SIZE:g} mm ($n$ = {len(theirs)})",
-    )
+def _panel(axis: Axes, rows: pd.DataFrame, theirs: pd.DataFrame | None, column: str, unit: float) -> None:
+    """Draw a column of two tables against age: published meshes, if any, in grey, ours by hemisphere and cell size."""
+    if theirs is not None:
+        axis.scatter(
+            theirs["scan_age_weeks"],
+            theirs[column] / unit,
+            s=6,
+            color=GREY,
+            linewidths=0,
+            label=f"published (CORTET), {H} = {published.CELL_SIZE:g} mm ($n$ = {len(theirs)})",
+        )
     for rank, (size, of_size) in enumerate(rows.groupby("cell_size_mm")):
         for hemi, (colour, marker, side) in HEMISPHERES.items():
             chosen = of_size[of_size["hemi"] == hemi]
@@ -229,6 +311,7 @@ def _panel(axis: Axes, rows: pd.DataFrame, theirs: pd.DataFrame, column: str, un
             if not known.all():
                 values, outside = chosen[column][~known] / unit, axis.get_yaxis_transform()
                 axis.scatter(np.full(len(values), _BESIDE), values, transform=outside, **style)
-                middle = float(theirs["scan_age_weeks"].median())  # the value axis covers theirs, too
+                ages = (rows["scan_age"] if theirs is None else theirs["scan_age_weeks"]).dropna()
+                middle = float(ages.median()) if len(ages) else 0.0  # the value axis covers theirs, too
                 axis.update_datalim([(middle, value) for value in values])
                 axis.autoscale_view()

@@ -10,7 +10,7 @@ import json
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
@@ -58,6 +58,11 @@ class Result:
     minutes: int = 20
     #: whether it needs at least one mesh with a certificate
     measures: bool = True
+
+    @property
+    def is_drawn(self) -> bool:
+        """Whether it is a figure for print, which has the look of a journal."""
+        return any(path.endswith(".pdf") for path in self.files)
 
 
 def plan_of(config: Mapping[str, Any]) -> Plan:
@@ -248,7 +253,18 @@ class OverAll:
         """All results, those that others are made from first."""
         maps = map(self._mean_maps, filter(self.plan.mapped, "LR"))
         more = (result for neighbour in neighbours() for result in neighbour.results(self.plan))
-        return [*self._cohort(), *maps, *more, self._methods(), self._page()]
+        return [*map(self._with_look, [*self._cohort(), *maps, *more]), self._methods(), self._page()]
+
+    def _with_look(self, result: Result) -> Result:
+        """A result that, where it is a figure, is drawn in the look that the configuration names."""
+
+        def write() -> None:
+            from cortet.report.figures import look
+
+            with look(self.plan.config.figures.journal):
+                result.write()
+
+        return replace(result, write=write) if result.is_drawn else result
 
     def of(self, *rules: str) -> list[str]:
         """The files of some results."""
@@ -296,7 +312,8 @@ class OverAll:
         def draw() -> None:
             from cortet.report.figures import cohort_figure, save
 
-            save(cohort_figure(Path(self.of("cohort_quality")[0]), limit=plan.config.certify.q_max), *figure)
+            table, own = Path(self.of("cohort_quality")[0]), plan.config
+            save(cohort_figure(table, limit=own.certify.q_max, target=own.target), *figure)
 
         def status(files: Sequence[str]) -> None:
             from cortet.cohort.status import COLUMNS, status_rows
@@ -339,7 +356,7 @@ class OverAll:
                 ("report.figures",),
                 {figure[0]: ("Cohort", {"result": "figure: quality against age"})},
                 "cohort_figure",
-                lambda: {"limit": plan.config.certify.q_max},
+                lambda: {"limit": plan.config.certify.q_max, "target": plan.config.target},
             ),
             self._table(
                 "cohort_status",
@@ -413,7 +430,7 @@ class OverAll:
             text,
             self._certificates,
             write,
-            ("report.methods",),
+            ("report.methods", "report.citation"),
             {text[1]: ("Methods", {"text": "methods paragraph"})},
             "methods",
             lambda: [*(asdict(case) for case in plan.sheet), *said()],

@@ -73,6 +73,14 @@ def test_stages_are_summarised_over_the_meshes_in_their_order() -> None:
     assert (first["meshes"], first["failed"], first["tets_total"]) == (2, 0, 96)
 
 
+def test_a_mean_that_cleaning_raises_is_explained() -> None:
+    means = {("Generated", None): 0.24, ("Cleaned", "default"): 0.34, ("Reconnected", "default"): 0.20}
+    means |= {("Relocated", "published"): 0.23, ("Cleaned", "published"): 0.232}
+    records = {at("a", *key, "tetgen"): record(mean, 0.9, 9) for key, mean in means.items()}
+    told = {(row["stages"], row["setting"]): row["remarks"] for row in ours(ablation_table(records, {}, {}, {}))}
+    assert [key for key, remark in told.items() if "mean q rises" in remark] == [("S1-S4", "default")]
+
+
 def test_cell_sizes_and_meshers_are_rows_of_their_own() -> None:
     records = {
         at("a", "Generated"): record(0.1, 0.7, 1),

@@ -22,7 +22,7 @@ from cortet.formats.tsv import write_tsv
 from cortet.neighbours import OnPage
 from cortet.report.cohort_page import modified_z_scores, ordered, with_outliers, write_cohort_page
 
-WORST = {"a": 0.50, "b": 0.51, "c": 0.49, "d": 0.50, "e": 0.58, "f": 0.505}
+WORST = {"a": 0.50, "b": 0.51, "c": 0.49, "d": 0.50, "e": 0.58, "f": 0.505, "h": 0.495, "i": 0.50, "j": 0.50, "k": 0.50}
 MESH = {"cell_size_mm": "0.6", "mesher": "cgal", "state": "certified", "q_mean": "0.129"}
 
 
@@ -78,7 +78,7 @@ def test_where_most_values_are_equal_the_mean_deviation_is_the_measure() -> None
 
 
 def test_meshes_that_are_nearly_equal_have_no_outlier() -> None:
-    alike = {name: 0.3333 + 1e-7 * number for number, name in enumerate("abcde")}
+    alike = {name: 0.3333 + 1e-7 * number for number, name in enumerate("abcdeghij")}
     rows = checked(measured(**alike, f=0.3350))
     assert not any(rows["outlying"]) and pd.to_numeric(rows["outlier"]).max() < 1
     assert (
@@ -102,7 +102,7 @@ def test_an_outlier_says_what_makes_it_one() -> None:
 
 
 def test_few_meshes_and_those_of_other_cell_sizes_are_not_compared() -> None:
-    few = measured(a=0.5, b=0.5, c=0.5, d=0.9)
+    few = measured(**dict.fromkeys("abcdefgh", 0.5), i=0.9)
     assert set(checked(few)["outlier"]) == {"n/a"}
     coarse = [{**row, "cell_size_mm": "1"} for row in measured(g=0.9)]
     table = checked([*measured(**WORST), *coarse])

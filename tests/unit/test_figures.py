@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from cortet.config.sections import Figures
 from cortet.paper.pooled_quality import Pooled, pooled_quality_figure
 from cortet.report import published
-from cortet.report.figures import cohort_figure, mesh_quality_figures, save
+from cortet.report.figures import LOOKS, cohort_figure, look, mesh_quality_figures, save
 
-HEADER = "case\themi\tscan_age\tcell_size_mm\ttets\tq_mean\tq_max\n"
+HEADER = "case\themi\tscan_age\tcell_size_mm\ttets\tq_mean\tq_max\tsurface_to_boundary_mean_mm\n"
 ROWS = (
-    "sub-1_hemi-L\tL\t22\t0.6\t380000\t0.129\t0.39\n"
-    "sub-2_hemi-R\tR\t28.5\t0.6\t970000\t0.131\t0.41\n"
-    "sub-3\tn/a\t28\t1\t450000\t0.133\t0.44\n"
+    "sub-1_hemi-L\tL\t22\t0.6\t380000\t0.129\t0.39\t0.03\n"
+    "sub-2_hemi-R\tR\t28.5\t0.6\t970000\t0.131\t0.41\t0.04\n"
+    "sub-3\tn/a\t28\t1\t450000\t0.133\t0.44\t0.05\n"
 )
 
 
@@ -36,11 +38,14 @@ def test_the_published_cohort_is_that_of_the_paper() -> None:
     assert rows["q_mean"].mean() == pytest.approx(0.129, abs=5e-4)
 
 
-def test_three_panels_show_every_mesh_in_front_of_the_published_ones(figure: Figure) -> None:
-    assert [axis.get_ylabel() for axis in figure.axes] == ["tetrahedra (thousands)", "mean $q$", r"$q_\mathrm{max}$"]
-    for axis, values in zip(figure.axes, ([380, 970, 450], [0.129, 0.131, 0.133], [0.39, 0.41, 0.44]), strict=True):
-        published, *ours = [np.asarray(points.get_offsets()) for points in axis.collections]
-        assert len(published) == 194
+def test_each_panel_shows_every_mesh_in_front_of_the_published_ones(figure: Figure) -> None:
+    labels = ["tetrahedra (thousands)", "mean $q$", r"$q_\mathrm{max}$", "surface to mesh, mean (mm)"]
+    assert [axis.get_ylabel() for axis in figure.axes] == labels
+    each = [380, 970, 450], [0.129, 0.131, 0.133], [0.39, 0.41, 0.44], [0.03, 0.04, 0.05]
+    for axis, values in zip(figure.axes, each, strict=True):
+        ours = [np.asarray(points.get_offsets()) for points in axis.collections]
+        if axis is not figure.axes[3]:  # nobody published it
+            assert len(ours.pop(0)) == 194
         drawn = np.concatenate(ours)
         assert sorted(drawn[:, 1]) == pytest.approx(sorted(values))
         assert sorted(drawn[:, 0]) == [22, 28, 28.5]
@@ -50,16 +55,17 @@ def test_three_panels_show_every_mesh_in_front_of_the_published_ones(figure: Fig
 @pytest.mark.parametrize("known", [True, False])
 def test_meshes_of_unknown_age_stand_beyond_the_axis_of_ages(tmp_path: Path, known: bool) -> None:
     table = tmp_path / "cohort_quality.tsv"
-    table.write_text(HEADER + (ROWS if known else "") + "sub-4_hemi-L\tL\tn/a\t0.6\t390000\t0.129\t0.4\n")
-    for axis, value in zip(cohort_figure(table).axes, (390, 0.129, 0.4), strict=True):
-        beside = axis.collections[2 if known else -1]
+    table.write_text(HEADER + (ROWS if known else "") + "sub-4_hemi-L\tL\tn/a\t0.6\t390000\t0.129\t0.4\t0.03\n")
+    for axis, value in zip(cohort_figure(table).axes, (390, 0.129, 0.4, 0.03), strict=True):
+        theirs = value != 0.03  # nobody published that
+        beside = axis.collections[1 + theirs if known else -1]
         ((x, y),) = np.asarray(beside.get_offsets())
         assert x > 1 and y == pytest.approx(value) and beside.get_transform() != axis.transData
         assert not beside.get_clip_on() and "age\nn/a" in [text.get_text() for text in axis.texts]
 
 
 def test_panels_have_letters(figure: Figure) -> None:
-    assert [axis.texts[0].get_text() for axis in figure.axes] == ["a", "b", "c"]
+    assert [axis.texts[0].get_text() for axis in figure.axes] == ["a", "b", "c", "d"]
 
 
 def test_the_legend_counts_and_the_limit_is_drawn(figure: Figure) -> None:
@@ -72,6 +78,27 @@ def test_the_legend_counts_and_the_limit_is_drawn(figure: Figure) -> None:
     ]
     (line,) = figure.axes[2].lines
     assert list(line.get_ydata()) == [0.6, 0.6]
+
+
+def test_meshes_of_other_cells_stand_beside_published_q_only_and_the_panels_say_so(tmp_path: Path) -> None:
+    table = tmp_path / "cohort_quality.tsv"
+    table.write_text(HEADER + ROWS.replace("\t0.6\t", "\t2\t"))
+    figure = cohort_figure(table, limit=0.6, target=0.3)
+    assert [max(len(points.get_offsets()) for points in axis.collections) for axis in figure.axes] == [1, 194, 194, 1]
+    said = ["grey: $h$ = 0.6 mm" in [text.get_text() for text in axis.texts] for axis in figure.axes]
+    assert said == [False, True, True, False]
+    assert [line.get_ydata()[0] for line in figure.axes[2].lines] == [0.6, 0.3]
+    assert "published (CORTET), $h$ = 0.6 mm ($n$ = 194)" in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_a_journal_chooses_width_and_letters(tmp_path: Path) -> None:
+    assert list(LOOKS) == list(get_args(Figures.model_fields["journal"].annotation))
+    table = tmp_path / "cohort_quality.tsv"
+    table.write_text(HEADER + ROWS)
+    with look("plos"):
+        figure = cohort_figure(table)
+    assert figure.get_figwidth() == pytest.approx(7.5) and figure.axes[0].xaxis.label.get_size() == 8
+    assert cohort_figure(table).get_figwidth() == 7.2
 
 
 def test_files_are_the_same_every_time_and_hold_no_date(figure: Figure, tmp_path: Path) -> None:
@@ -92,18 +119,22 @@ def test_pooled_quality_has_a_row_per_setting_before_the_published_distributions
     counts = np.zeros(200, np.int32)
     counts[[20, 100]] = 99, 1
     figure = pooled_quality_figure(
-        [Pooled("default", 3, {"S1-S2": counts, "S1-S4": counts}), Pooled("published", 3, {"S1-S2": counts})],
+        [
+            Pooled("default", 1, {"S1-S2": counts, "S1-S4": counts}, target=0.3),
+            Pooled("published", 3, {"S1-S2": counts, "S1-S3": counts}),
+        ],
         cell_size=1.0,
         limit=0.6,
     )
     (bulk, tail), (_, second) = np.reshape(figure.axes, (2, 2))
-    assert bulk.get_title(loc="left") == "setting default, $h$ = 1 mm: 3 meshes, 100 elements"
-    assert len(bulk.patches) == 5 and len(tail.lines) == 6 and len(second.lines) == 5
+    assert bulk.get_title(loc="left") == "setting default, $h$ = 1 mm: 1 mesh, 100 elements"
+    assert len(bulk.patches) == 5 and len(tail.lines) == 7 and len(second.lines) == 6
     assert bulk.patches[3].get_data().values[20] == 99  # %
     q, above = tail.lines[3].get_data()
     assert above[np.isclose(q, 0.3)] == 1e4 and q.max() == 0.5  # one in a hundred is above 0.3, none above 0.505
-    assert list(tail.lines[-1].get_xdata()) == [0.6, 0.6]
+    assert [line.get_xdata()[0] for line in tail.lines[-2:]] == [0.6, 0.3]
     (legend,) = figure.legends
+    assert {"generated", "cleaned", "relocated"} < {text.get_text() for text in legend.get_texts()}
     figure.draw_without_rendering()
     lefts = [round(text.get_window_extent().x0) for text in legend.get_texts()]
     assert len(set(lefts[:3])) == 1 and lefts[3] > lefts[0]  # published ones are the first column
