@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cortet.errors import InputError
 
@@ -41,9 +41,9 @@ def read_mesh(path: Path, *, whole: bool = False) -> TetMesh:
     return mesh
 
 
-def draw(mesh: TetMesh, path: Path, place: Callable[[Path], Path] = lambda path: path) -> None:
-    """Draw a mesh, cut open, and write the picture."""
+def draw(mesh: TetMesh, path: Path, place: Callable[[Path], Path] = lambda path: path, **how: Any) -> None:
+    """Draw a mesh, cut open, and write the picture, with the keyword arguments of `picture`."""
     from cortet.report.render import picture
 
-    picture(mesh, place(path))
+    picture(mesh, place(path), **how)
     print(f"{path}: drawn")

@@ -318,6 +318,10 @@ def picture(
     output: Annotated[Picture, O],
     field: InputFile | None = None,
     name: str | None = None,
+    plane: Literal["x", "y", "z"] = "y",
+    position: Annotated[float, number(0, 1, "SHARE")] = 0.5,
+    view: Literal["left", "right", "front", "back", "top", "bottom"] | None = None,
+    region: Annotated[bool, Parameter(negative="")] = False,
     _: Writes = Writes(),
 ) -> int:
     """Draw a mesh cut open, coloured by q, or a surface in the colours of a map.
@@ -328,15 +332,23 @@ def picture(
         GIfTI with values at the vertices of the surface, which then takes the place of the mesh.
     name
         Of the array in it (default: the first).
+    plane
+        Axis across which it is cut.
+    position
+        Where along that axis; 1 draws the whole mesh.
+    view
+        Side from which it is seen (default: the cut, from above and beside).
+    region
+        Colour by region instead.
 
     Examples
     --------
-    cortet picture lh.vtu -o lh.png
+    cortet picture lh.vtu -o lh.png --plane x --view right
     """
     if field is None:
         if name is not None:
             raise InputError("--name is of an array of a field", remedy="add --field FILE")
-        draw(read_mesh(file), output)
+        draw(read_mesh(file), output, axis=plane, position=position, view=view, regions=region)
         return 0
     from cortet.formats.gifti import hemisphere_of, read_fields, read_surface, require_same_hemisphere
 

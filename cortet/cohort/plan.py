@@ -54,8 +54,12 @@ class Plan(Jobs):
         return [path for path in paths if not self.missing(path)]
 
     def unmeasured(self) -> dict[str, str]:
-        """Why cases have no certificate, by their names."""
-        return {mesh[0]: failure["reason"] for mesh, failure in self.failures.items() if not self.is_measured(mesh)}
+        """Why cases have no certificate, by their names, without what to do about it."""
+        return {
+            mesh[0]: failure.get("problem") or failure["reason"]
+            for mesh, failure in self.failures.items()
+            if not self.is_measured(mesh)
+        }
 
     def measured_certificates(self) -> list[str]:
         """Certificates of all meshes that have one."""

@@ -69,7 +69,7 @@ from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound
 from cortet.meshes import FloatArray, TetMesh, TriSurface, require_measurable
 from cortet.version import __version__
 
-VERSION: int = 8
+VERSION: int = 9
 
 #: of the content of certificate.json; raised where a key changes its name or meaning
 SCHEMA = 2
@@ -207,7 +207,7 @@ def certify(
     interfaces = interface_records(mesh, surface) if surface.inner else ()
     around = fans(mesh)
     smaller = smaller_cells(None if measured.q.max < limits.q_max else cell_size)
-    worst = worst_elements(mesh, around, count=PLACES, stages=reports, smaller=smaller)
+    worst = worst_elements(mesh, around, count=PLACES, limit=limits.q_max, stages=reports, smaller=smaller)
     defects = boundary.points[defective_vertices(boundary.faces)[:PLACES]]
     centres = walls.points[walls.faces[crossing[:PLACES]]].mean(axis=1)
 

@@ -85,6 +85,12 @@ def remedies(mesher: str | None) -> Remedies:
     )
 
 
+def in_words(value: float, digits: int = 4) -> str:
+    """A number as people write it: whole and large numbers with commas, others with the `digits` that count."""
+    whole = 10**digits <= abs(value) < 1e15 or float(value).is_integer()
+    return f"{value:,.0f}" if whole else f"{value:.{digits}g}"
+
+
 @dataclass(frozen=True)
 class Check:
     """One number and the limit that checks it."""
@@ -108,7 +114,7 @@ class Check:
         """Name, value and limit in plain words."""
         unit = f" {self.unit}" if self.unit else ""
         limit = f"{_WORDS[self.comparison]} {self.limit:g}{unit}" if self.comparison else "no limit"
-        return f"{self.name} {self.value:.6g}{unit}, {limit}"
+        return f"{self.name} {in_words(self.value, 6)}{unit}, {limit}"
 
 
 def checked(

@@ -67,6 +67,7 @@ class WorstElement:
     #: least q that the edges of the element allow
     bound: float
     reason: str
+    #: empty for an element that is good enough
     remedy: str
 
 
@@ -110,10 +111,11 @@ def worst_elements(
     around: Fans,
     *,
     count: int = 10,
+    limit: float = 0.0,
     stages: Collection[str] = (),
     smaller: str = "use a smaller cell size",
 ) -> tuple[WorstElement, ...]:
-    """The `count` elements with the largest q, worst first, each with the reason.
+    """The `count` elements with the largest q, worst first, each with the reason, and from `limit` on with a remedy.
 
     `stages` names the stages that the mesh has been through; no remedy recommends them. `smaller` is the advice to use
     smaller cells.
@@ -137,7 +139,7 @@ def worst_elements(
                 boundary_nodes=int(on_boundary[mesh.cells[element]].sum()),
                 bound=bound,
                 reason=reason,
-                remedy={"fan": hold, "banks": finer, "nothing": free}[held],
+                remedy={"fan": hold, "banks": finer, "nothing": free}[held] if q[element] >= limit else "",
             )
         )
     return tuple(found)

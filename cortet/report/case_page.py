@@ -13,6 +13,7 @@ import pandas as pd
 from cortet.formats.tables import headed
 from cortet.geometry.mending import measurable
 from cortet.geometry.topology import surface_topology
+from cortet.measure.checks import in_words
 from cortet.measure.counts import COUNTED_LIMITS
 from cortet.meshes import TetMesh, TriSurface
 from cortet.report import pages, pictures, published
@@ -173,12 +174,12 @@ def about(case: Mapping[str, Any]) -> Facts:
     return [(name, value) for name, value in known.items() if value]
 
 
-def in_words(check: Mapping[str, Any]) -> dict[str, Any]:
+def of_check(check: Mapping[str, Any]) -> dict[str, Any]:
     """A check of a certificate with its `name`, `value` and `limit` as text with units."""
     unit = f" {check['unit']}" if check["unit"] else ""
     limit = f"{_COMPARED[check['comparison']]} {check['limit']:g}{unit}" if check["comparison"] else "no limit"
     name = re.sub(r"^[a-z](?=[a-z])", lambda letter: letter[0].upper(), check["name"])  # unless it begins with a symbol
-    return {**check, "name": name, "value": f"{check['value']:.4g}{unit}", "limit": limit}
+    return {**check, "name": name, "value": f"{in_words(check['value'])}{unit}", "limit": limit}
 
 
 def limit_of(certificate: Certificate, check_id: str) -> float:
@@ -207,7 +208,7 @@ def _input_surface(surface: TriSurface) -> list[Part]:
 def _surface_and_mesh(of: Checked) -> list[Part]:
     if not len(of.surface.faces):
         return [("note", _NOT_FINITE)]
-    return pictures.shown(lambda: [*pictures.of_input(of.surface), *pictures.of_mesh(of.mesh, of.meshed)], scaled=True)
+    return pictures.shown(lambda: [*pictures.of_input(of.surface), *pictures.of_mesh(of.mesh, of.meshed)])
 
 
 def _tissues(of: Checked) -> list[Part]:
@@ -293,7 +294,7 @@ PANELS: tuple[tuple[str, str, Callable[[Checked], list[Part]]], ...] = (
     ("tissues", "In the volume", _tissues),
     ("resampled", "On the common mesh", _resampled),
     ("repair", "The input was repaired", _repaired),
-    ("verdict", "Verdict", lambda of: [("verdict", [in_words(check) for check in of.certificate["checks"]])]),
+    ("verdict", "Verdict", lambda of: [("verdict", [of_check(check) for check in of.certificate["checks"]])]),
     ("quality", "Element quality", _quality),
     ("worst", "Worst elements", lambda of: [("worst", {"of": of.certificate})]),
     (

@@ -25,6 +25,8 @@ REFERENCES = {
         flags=re.DOTALL,
     )
 }
+#: before the references, at the end of the paragraph
+CLOSING = "The method and the software are described in"
 #: name of a mesher in S1 -> key of its program
 _MESHERS = {"pygalmesh": "cgal", "lattice": "tetgen"}
 #: stage -> the program that does its work
@@ -68,15 +70,14 @@ def write_citation(
     certificates : contents of the certificates that the paragraph is about
     """
     keys, paragraph = cited(certificates), methods.strip()
-    closing = "The method and the software are described in"
     texts = {
-        markdown: f"{paragraph} {closing} [{'; '.join(f'@{key}' for key in keys)}].\n\n### References\n",
+        markdown: f"{paragraph} {CLOSING} [{'; '.join(f'@{key}' for key in keys)}].\n\n### References\n",
         bibtex: "\n".join(REFERENCES[key] for key in keys),
         latex: "\n".join(
             [
                 r"\documentclass{article}",
                 r"\begin{document}",
-                f"{_escaped(paragraph)} {closing} \\cite{{{','.join(keys)}}}.",
+                f"{_escaped(paragraph)} {CLOSING} \\cite{{{','.join(keys)}}}.",
                 r"\bibliographystyle{unsrt}",
                 r"\bibliography{CITATION}",
                 r"\end{document}",
@@ -87,11 +88,11 @@ def write_citation(
     for path, text in texts.items():
         with atomic_path(path) as temporary:
             Path(temporary).write_text(text, encoding="utf-8")
-    references = [(key, _in_words(REFERENCES[key])) for key in keys]
-    pages.write(page, "Citation", [], end=[("cited", {"text": f"{paragraph} {closing}", "references": references})])
+    references = [(key, reference(REFERENCES[key])) for key in keys]
+    pages.write(page, "Citation", [], end=[("cited", {"text": f"{paragraph} {CLOSING}", "references": references})])
 
 
-def _in_words(entry: str) -> str:
+def reference(entry: str) -> str:
     """A reference as a reader sees it."""
     fields = dict(re.findall(r"^  (\w+) = \{(.*)\},$", entry, flags=re.MULTILINE))
     fields = {name: value.replace("{", "").replace("}", "") for name, value in fields.items()}

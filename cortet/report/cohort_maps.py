@@ -28,12 +28,14 @@ from cortet.geometry.topology import boundary_surface
 from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.report.figures import PAGE, drawn, letter, save
 from cortet.report.render import surface_view
-from cortet.stages.transfer import with_thickness
+from cortet.stages.transfer import THICKNESS, with_thickness
 
-VERSION: int = 2
+VERSION: int = 3
 
 #: name of the map of distances from the surface that was meshed to the boundary of the mesh, mm
 DISTANCE = "distance_to_boundary"
+#: labels of maps whose unit is known
+_LABELS = {DISTANCE: "distance to the boundary (mm)", THICKNESS: "thickness (mm)"}
 #: percent of the vertices that the range of colours leaves out at either end
 _TAIL = 1.0
 _SIDES: tuple[Literal["L", "R"], ...] = ("L", "R")
@@ -108,7 +110,7 @@ def maps_figure(mean: TriSurface) -> Figure:
                 axis.set_axis_off()
                 axis.set_title(f"from the {'left' if side == 'L' else 'right'}")
             bar = figure.colorbar(ScalarMappable(Normalize(low, high), "viridis"), ax=row, shrink=0.6, extend="both")
-            bar.set_label("distance to the boundary (mm)" if name == DISTANCE else name.replace("_", " "))
+            bar.set_label(_LABELS.get(name, name.replace("_", " ")))
         letter(axes[:, 0])
     return figure
 
@@ -135,7 +137,7 @@ def write_maps(
             "Description": "Means over cases on the common mesh: of labels the most frequent one",
             "Cases": [name for name, _ in cases],
             "CasesOfMap": counts,
-            "Units": {DISTANCE: "mm"},
+            "Units": {name: "mm" for name in _LABELS if name in mean.point_data},
         },
         sidecar,
     )

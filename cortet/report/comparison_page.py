@@ -14,7 +14,7 @@ from cortet.measure.lost import distances_to
 from cortet.meshes import TetMesh, TriSurface
 from cortet.report import pages
 from cortet.report.boundary_view import colour_scale
-from cortet.report.case_page import ELEMENTS, Certificate, in_words, limit_of
+from cortet.report.case_page import ELEMENTS, Certificate, limit_of, of_check
 from cortet.report.figures import mesh_quality_figures, svg
 from cortet.report.pages import SIDES, Panel, Part
 from cortet.report.pictures import captioned
@@ -35,7 +35,7 @@ def comparison_rows(certificates: Mapping[str, Certificate]) -> list[dict[str, A
     -------
     one row per number: `name`, `limit` (empty if there is none), and one `(value, passed)` per mesh in `values`
     """
-    by_mesh = [[*_of_elements(c["quality"]), *map(in_words, c["checks"])] for c in certificates.values()]
+    by_mesh = [[*_of_elements(c["quality"]), *map(of_check, c["checks"])] for c in certificates.values()]
     return [
         {"name": row[0]["name"], "limit": row[0]["limit"], "values": [(one["value"], one["passed"]) for one in row]}
         for row in zip(*by_mesh, strict=True)
@@ -43,7 +43,7 @@ def comparison_rows(certificates: Mapping[str, Certificate]) -> list[dict[str, A
 
 
 def _of_elements(quality: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Numbers that have no limit, in the form of `in_words`."""
+    """Numbers that have no limit, in the form of `of_check`."""
     shown = {name: text.format_map(quality) for name, text in ELEMENTS.items() if name in _SHOWN}
     return [{"name": name, "limit": "", "value": value, "passed": True} for name, value in shown.items()]
 

@@ -1,4 +1,4 @@
-"""A paragraph for the methods section of a paper about a run: parameters, versions, numbers, exclusions."""
+"""A methods section for a paper about a run: parameters, versions, numbers, exclusions, references."""
 
 from __future__ import annotations
 
@@ -9,13 +9,17 @@ from pathlib import Path
 
 from cortet.cohort.sheet import Case
 from cortet.formats.atomic import atomic_path
+from cortet.measure.checks import Check
+from cortet.report import pages
+from cortet.report.citation import CLOSING, REFERENCES, cited, reference
 from cortet.report.records import read_certificate
-from cortet.report.table_files import write_page
 from cortet.stages import STAGES
 from cortet.stages.stage import Certificate, counted
 
-VERSION: int = 4
+VERSION: int = 5
 
+#: programs that check every surface
+_ALWAYS = ("pymeshlab",)
 #: distribution -> its name in a paper
 _NAMES = {
     "numpy": "NumPy",
@@ -47,7 +51,7 @@ def methods_text(certificates: Sequence[Certificate], sheet: Iterable[Case], fai
         *_exclusions(cases.values(), failures),
         *filter(None, (stage.sentence(certificates) for stage in STAGES.values())),
         *_outcome(certificates),
-        _versions(certificates[0]["versions"]),
+        _versions(certificates),
     ]
     return " ".join(sentences) + "\n"
 
@@ -60,12 +64,18 @@ def write_methods(
     view: str | Path,
     more: Iterable[str] = (),
 ) -> None:
-    """Write the paragraph, and an HTML page of it, from the files of certificates; `more` are further sentences."""
+    """Write the paragraph with its references, and an HTML page of both, from the files of certificates.
+
+    more : further sentences
+    """
     contents = [read_certificate(name) for name in certificates]
-    text = " ".join([methods_text(contents, sheet, failures).strip(), *more]) + "\n"
+    text = " ".join([methods_text(contents, sheet, failures).strip(), *more])
+    closed = f"{text} {CLOSING}"
+    references = [(key, reference(REFERENCES[key])) for key in cited(contents)]
+    listed = "\n".join(f"{number}. {words}" for number, (_, words) in enumerate(references, start=1))
     with atomic_path(markdown) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    write_page(text, view, title="Methods")
+        temporary.write_text(f"{closed} [1-{len(references)}].\n\n## References\n\n{listed}\n", encoding="utf-8")
+    pages.write(view, "Methods", [], end=[("cited", {"text": closed, "references": references})])
 
 
 def _cohort(cases: Sequence[Case]) -> list[str]:
@@ -107,7 +117,7 @@ def _exclusions(cases: Iterable[Case], failures: Mapping[str, str]) -> list[str]
 def _for_readers(reason: str) -> str:
     """A reason without folders of this machine and without the text of an unexpected exception."""
     if re.match(r"[A-Za-z_.]*(Error|Exception|Exit)\b", reason):
-        return "an unexpected error; see cohort_status.tsv"
+        return "an unexpected error"
     return re.sub(r"(?:~|\.{1,2})?(?:/[^\s/:;,()]+)*/([^\s/:;,()]+)", r"\1", reason)
 
 
@@ -122,11 +132,21 @@ def _outcome(certificates: Sequence[Certificate]) -> list[str]:
         f"worst q was {min(worst):.3f} to {max(worst):.3f}."
     ]
     if refused := [content for content in certificates if not content["certified"]]:
-        reasons = "; ".join(f"{content['case']} ({'; '.join(content['reasons'])})" for content in refused)
+        reasons = "; ".join(f"{content['case']} ({_findings(content)})" for content in refused)
         sentences.append(f"Not certified: {reasons}.")
     return sentences
 
 
-def _versions(versions: Mapping[str, str]) -> str:
+def _findings(certificate: Certificate) -> str:
+    """What failed, with its value and limit."""
+    return "; ".join(Check(**check).finding for check in certificate["checks"] if not check["passed"])
+
+
+def _versions(certificates: Sequence[Certificate]) -> str:
+    """Versions of the programs that were used: a certificate has those of all that are installed."""
+    compiled = any(content["reports"].get("generate", {}).get("backend") == "pygalmesh" for content in certificates)
+    used = {"pygalmesh" if key == "cgal" and compiled else key for key in cited(certificates)}
+    unused = {"pygalmesh", *REFERENCES} - {*used, *_ALWAYS}
+    versions = {name: number for name, number in certificates[0]["versions"].items() if name not in unused}
     named = [f"{_NAMES.get(name, name)} {number}" for name, number in versions.items()]
     return f"Software: {', '.join(named)}."

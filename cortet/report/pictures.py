@@ -26,12 +26,16 @@ Picture = dict[str, Any]
 _THUMBNAIL = (192, 144)
 
 
-def captioned(image: NDArray[Any], caption: str, more: str = "") -> Picture:
-    """A picture (rows, columns, 4) for a page; its caption is also the text for screen readers."""
+def captioned(image: NDArray[Any], caption: str, more: str = "", *, scaled: bool = False) -> Picture:
+    """A picture (rows, columns, 4) for a page; its caption is also the text for screen readers.
+
+    Below it stands the scale of q if it is `scaled`.
+    """
     height, width, _ = image.shape
     text = f"{caption}, {more}" if more else caption
     uri = pages.data_uri(webp(image), "image/webp")
-    return {"uri": uri, "width": width, "height": height, "caption": text, "alt": text}
+    scale = {"scale": colour_scale()} if scaled else {}
+    return {"uri": uri, "width": width, "height": height, "caption": text, "alt": text, **scale}
 
 
 def png(path: Path) -> NDArray[Any]:
@@ -41,10 +45,10 @@ def png(path: Path) -> NDArray[Any]:
     return np.asarray(np.round(255 * matplotlib.image.imread(path)), np.uint8)
 
 
-def shown(draw: Callable[[], list[Picture]], *, scaled: bool = False) -> list[pages.Part]:
-    """Pictures as parts of a page, with the scale of q if they are `scaled`; a note if they cannot be drawn."""
+def shown(draw: Callable[[], list[Picture]]) -> list[pages.Part]:
+    """Pictures as a part of a page; a note if they cannot be drawn."""
     try:
-        return [("pictures", draw()), *([("scale", colour_scale())] if scaled else [])]
+        return [("pictures", draw())]
     except StageError as error:
         return [("note", f"Without pictures: {error}")]
 
@@ -70,7 +74,9 @@ def of_input(surface: TriSurface) -> list[Picture]:
 
 def of_mesh(mesh: TetMesh, meshed: TriSurface) -> list[Picture]:
     """The mesh cut open, its regions, and the surfaces that were meshed in the colours of their distance to it."""
-    cut = captioned(cut_view(mesh), "Mesh, cut open halfway to the front", "each tetrahedron in the colour of its q")
+    cut = captioned(
+        cut_view(mesh), "Mesh, cut open halfway to the front", "each tetrahedron in the colour of its q", scaled=True
+    )
     boundary, _ = boundary_surface(mesh)
     return [cut, *_of_regions(mesh, meshed), *_by_distance(meshed, boundary, "Meshed surface", "the mesh")]
 

@@ -20,7 +20,7 @@ from cortet.geometry.topology import boundary_surface, compact
 from cortet.measure.quality import quality
 from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface
 
-VERSION: int = 3
+VERSION: int = 4
 
 #: colours that colour-blind readers tell apart; worse elements are darker
 COLOURS = "viridis_r"
@@ -46,7 +46,11 @@ MARGIN, ROOM = 1.05, 0.7
 #: width or height of the largest picture, which graphics libraries limit
 _MOST_PIXELS = 16384
 
+Plane = Literal["x", "y", "z"]
+View = Literal["left", "right", "front", "back", "top", "bottom"]
 _AXES = {"x": 0, "y": 1, "z": 2}
+#: side from which a mesh is seen -> axis and direction, in RAS coordinates
+_VIEWS = {"left": (0, -1), "right": (0, 1), "back": (1, -1), "front": (1, 1), "bottom": (2, -1), "top": (2, 1)}
 
 #: light that keeps colours readable and still shows the shape
 _FLAT_LIGHT = {"ambient": 0.5, "diffuse": 0.5, "show_scalar_bar": False}
@@ -74,8 +78,10 @@ def picture(
     mesh: TetMesh,
     path: str | Path,
     *,
-    axis: Literal["x", "y", "z"] = "y",
+    axis: Plane = "y",
     position: float = 0.5,
+    view: View | None = None,
+    regions: bool = False,
     size: tuple[int, int] = (1600, 1200),
 ) -> None:
     """Draw a mesh cut open, seen from the cut, with the plane; every tetrahedron is whole and coloured by its q.
@@ -84,21 +90,36 @@ def picture(
     ----------
     path : PNG file
     axis : axis across which the mesh is cut; in RAS coordinates y runs from the back to the front of the head
-    position : position of the cut along `axis`, a fraction of the mesh's extent
+    position : position of the cut along `axis`, a fraction of the mesh's extent; 1 leaves nothing out
+    view : side from which it is seen; None: from the cut, a little from above and beside
+    regions : each tetrahedron in the colour of its region (`REGION_COLOURS`), not in that of its q
     size : pixels, width and height
 
     Raises
     ------
+    InputError : the mesh has no regions, or none of it is left
     StageError : the graphics library cannot draw here
     """
     k = _AXES[axis]
+    if regions and REGION not in mesh.cell_data:
+        raise InputError("the mesh has no regions", remedy="leave --region out")
     shell = _cut(mesh, k, position)
     along = mesh.points[:, k]
     where = f"cut at {axis} = {along.min() + position * np.ptp(along):.1f} mm".replace("-", "\N{MINUS SIGN}")
     with off_screen(size) as plotter:
-        plotter.add_mesh(shell, **_CUT_LOOK, scalar_bar_args=SCALE)
-        plotter.add_text(where, position=(0.02, 0.03), viewport=True, font_size=max(size[1] // 130, 5), color="black")
-        _aim(plotter.camera, np.asarray(shell.points, float), k, width_to_height=ROOM * size[0] / size[1])
+        if regions:
+            _add_regions(plotter, shell, named=True)
+        else:
+            plotter.add_mesh(shell, **_CUT_LOOK, scalar_bar_args=SCALE)
+        if position < 1:
+            plotter.add_text(
+                where, position=(0.02, 0.03), viewport=True, font_size=max(size[1] // 130, 5), color="black"
+            )
+        points, shape = np.asarray(shell.points, float), ROOM * size[0] / size[1]
+        if view is None:
+            _aim(plotter.camera, points, k, width_to_height=shape)
+        else:
+            _aim(plotter.camera, points, *_VIEWS[view], beside=0, above=0, width_to_height=shape)
         with atomic_path(path) as temporary:
             plotter.screenshot(temporary)
 
@@ -117,10 +138,7 @@ def cut_view(mesh: TetMesh, *, regions: bool = False, size: tuple[int, int] = (1
     shell = _cut(mesh, _AXES["y"], 0.5)
     with off_screen(size) as plotter:
         if regions:
-            number = np.asarray(shell.cell_data[REGION])
-            for one in np.unique(number).tolist():
-                colour = REGION_COLOURS[(one - 1) % len(REGION_COLOURS)]
-                plotter.add_mesh(shell.extract_cells(number == one), color=colour, **_REGION_LOOK)
+            _add_regions(plotter, shell)
         else:
             plotter.add_mesh(shell, **_CUT_LOOK, show_scalar_bar=False)
         _aim(plotter.camera, np.asarray(shell.points, float), _AXES["y"], width_to_height=size[0] / size[1])
@@ -285,6 +303,17 @@ def _look_from(
     camera.clipping_range = (0.1 * distance, 2 * distance)
 
 
+def _add_regions(plotter: pyvista.Plotter, shell: pyvista.PolyData, *, named: bool = False) -> None:
+    """Draw the faces of each region in its colour, with a legend of the numbers if they are `named`."""
+    number = np.asarray(shell.cell_data[REGION])
+    for one in np.unique(number).tolist():
+        colour = REGION_COLOURS[(one - 1) % len(REGION_COLOURS)]
+        label = {"label": f"region {one}"} if named else {}
+        plotter.add_mesh(shell.extract_cells(number == one), color=colour, **label, **_REGION_LOOK)
+    if named:
+        plotter.add_legend(bcolor=None, face="rectangle", loc="center left", size=(0.11, 0.1))
+
+
 def _cut_out(plotter: pyvista.Plotter) -> NDArray[np.uint8]:
     """The drawing, without its background and without the empty rows and columns around it."""
     image: NDArray[np.uint8] = plotter.screenshot(None, transparent_background=True, return_img=True)
@@ -314,6 +343,8 @@ def _section(mesh: TetMesh, towards: float, x: float) -> pyvista.PolyData:
 
 def _skin(mesh: TetMesh, kept: NDArray[np.bool_]) -> pyvista.PolyData:
     """The outer faces of some of the elements; faces carry the q of their tetrahedron."""
+    if not kept.any():
+        raise InputError("no tetrahedron lies behind the cut", remedy="give a larger position")
     points, cells, _ = compact(mesh.points, mesh.cells[kept])
     grid = pyvista.UnstructuredGrid({pyvista.CellType.TETRA: cells}, points)
     grid.cell_data["q"] = quality(points, cells)
@@ -322,10 +353,19 @@ def _skin(mesh: TetMesh, kept: NDArray[np.bool_]) -> pyvista.PolyData:
     return grid.extract_surface(algorithm="dataset_surface")
 
 
-def _aim(camera: pyvista.Camera, points: FloatArray, k: int, *, width_to_height: float) -> None:
-    """Look at a cut across axis k from its open side, a little from above and beside, and fill the picture."""
-    up = np.eye(3)[1 if k == 2 else 2]
-    view = np.eye(3)[k] + 0.3 * up - 0.4 * np.cross(up, np.eye(3)[k])
+def _aim(
+    camera: pyvista.Camera,
+    points: FloatArray,
+    k: int,
+    towards: float = 1.0,
+    *,
+    width_to_height: float,
+    above: float = 0.3,
+    beside: float = 0.4,
+) -> None:
+    """Look along axis k from the side `towards`, of a cut its open one, from above and beside, and fill the picture."""
+    up, along = np.eye(3)[1 if k == 2 else 2], towards * np.eye(3)[k]
+    view = along + above * up - beside * np.cross(up, along)
     view /= np.linalg.norm(view)
     right = np.cross(up, view) / np.linalg.norm(np.cross(up, view))
     frame = np.stack([right, np.cross(view, right), view])  # rows: right, up, towards the camera

@@ -17,12 +17,14 @@ from cortet.formats.tables import Column, Row, described, headed, write_table
 from cortet.formats.tsv import MISSING
 from cortet.report import pages
 
-VERSION: int = 4
+VERSION: int = 5
 
 #: what LaTeX prints only in mathematical mode
 _MATHEMATICAL = {"<": "$<$", ">": "$>$", "±": r"$\pm$", "²": "$^2$"}
 #: symbols of quantities in headings, which print has in italics, and their index
 _SYMBOL = re.compile(r"\b([hJnqr])(?:_(max))?\b")
+#: longest text of a cell that stands in one line of a page, characters
+_WORDS = 40
 #: a cell that holds a number, alone or with its spread, or a range
 _NUMBER = re.compile(r"[-+]?[\d.,]+(?:e[-+]\d+|-[\d.,]+)?(?: ± .*| \[.*| \(.*)?")
 
@@ -82,11 +84,6 @@ def starts_of_groups(rows: pd.DataFrame, group: Sequence[str]) -> list[int]:
     return [row for row in range(1, len(numbers)) if numbers[row] != numbers[row - 1]]
 
 
-def write_page(text: str, path: str | Path, *, title: str) -> None:
-    """Write an HTML page of one paragraph."""
-    pages.write(path, title, [], end=[("paragraph", text)])
-
-
 def number(value: float | None, digits: int = 3) -> str:
     """A number with `digits` decimals and a comma before thousands, or `n/a`."""
     return MISSING if value is None or not math.isfinite(value) else f"{value:,.{digits}f}"
@@ -122,13 +119,20 @@ def median_and_range(median: float | None, low: float | None, high: float | None
 def _latex(table: Table, texts: pd.DataFrame, starts: Sequence[int]) -> str:
     style = Styler(texts).hide(axis="index")
     style.format(_mathematical, escape="latex").format_index(_heading, axis="columns")
-    kinds = "".join("r" if _of_numbers(texts.iloc[:, place]) else "l" for place in range(len(texts.columns)))
+    kinds = "".join(_alignment(texts.iloc[:, place]) for place in range(len(texts.columns)))
     with pd.option_context("styler.render.max_elements", texts.size):  # else pandas would leave out rows
         lines = style.to_latex(hrules=True, column_format=kinds).splitlines()
     first = lines.index(r"\midrule") + 1
     for row in reversed(starts):
         lines.insert(first + row, r"\midrule")
     return "\n".join([f"% {table.title}; needs the package booktabs", *lines, ""])
+
+
+def _alignment(texts: pd.Series[str]) -> str:
+    """Numbers to the right, words to the left, sentences in lines."""
+    if _of_numbers(texts):
+        return "r"
+    return r"p{5cm}" if texts.str.len().max() > _WORDS else "l"
 
 
 def _mathematical(text: str) -> str:

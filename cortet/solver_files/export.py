@@ -31,7 +31,7 @@ from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, si
 from cortet.solver_files.verify import problems
 from cortet.stages.solver_ready import surface_nodes_first
 
-VERSION: int = 6
+VERSION: int = 7
 
 #: gives sparse matrices of a mesh, by name
 Matrices = Callable[[TetMesh], Mapping[str, Any]]

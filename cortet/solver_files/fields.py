@@ -16,6 +16,7 @@ from cortet.formats.gifti import read_fields, read_label_names
 from cortet.formats.hashing import input_sha256
 from cortet.meshes import TriSurface
 from cortet.neighbours import neighbours
+from cortet.stages.transfer import THICKNESS
 
 
 @dataclass(frozen=True)
@@ -79,14 +80,15 @@ def field_sources(files: Mapping[str, str | Path], units: Mapping[str, str] | No
 
     Parameters
     ----------
-    units : field, or name of a file in `files`, -> units of its values; a field that is not named gets `unknown`
+    units : field, or name of a file in `files`, -> units of its values; a field that is not named gets `unknown`, and
+        `thickness` mm
 
     Raises
     ------
     InputError
         a file cannot be read, or holds no array
     """
-    units = units or {}
+    units = {THICKNESS: "mm", **(units or {})}
     return {
         field: FieldSource(
             file=str(file),

@@ -26,6 +26,7 @@ from cortet.geometry.topology import boundary_faces, face_areas
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, TetMesh, TriSurface
 from cortet.solver_files.fields import FieldSource
+from cortet.stages.transfer import THICKNESS
 
 #: message for a file that differs from what its sidecar records
 CHANGED = "changed after cortet wrote it: no certificate beside it is of it (a file of it is another one, or missing)"
@@ -210,7 +211,7 @@ def _field(name: str, values: NDArray[Any], sources: Mapping[str, FieldSource], 
     source = sources.get(name) or sources.get(name.rpartition("_")[0])
     return {
         "components": int(values[0].size) if len(values) else 1,
-        "units": source.units if source else "unknown",
+        "units": source.units if source else "mm" if name == THICKNESS else "unknown",
         "kind": source.kind if source else "unknown",
         "source": source.file if source else "",
         "source_sha256": source.sha256 if source else "",

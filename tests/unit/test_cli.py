@@ -136,7 +136,11 @@ def required(every: ArgumentCollection, but: Argument) -> Iterator[str]:
     for one in every:
         if one.required and one.show and one is not but:
             kind = one.parameter.converter
-            value = str(kind.high) if isinstance(kind, Number) else (one.get_choices() or ["x.gii"])[0]
+            value = (
+                str(kind.high)
+                if isinstance(kind, Number)
+                else (one.get_choices() or ["x.png" if one.parameter.metavar == "PNG" else "x.gii"])[0]
+            )
             yield from [*([] if one.field_info.is_positional else [one.name]), *[value] * one.token_count()[0]]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import matplotlib.image
@@ -9,7 +10,8 @@ import numpy as np
 import pytest
 from cubes import cube_mesh
 
-from cortet.meshes import TetMesh
+from cortet.errors import InputError
+from cortet.meshes import REGION, TetMesh
 from cortet.report.render import picture
 
 
@@ -63,3 +65,27 @@ def test_the_plane_of_the_cut_is_named(tmp_path: Path) -> None:
         picture(cube_mesh(2, side=10.0), tmp_path / f"{name}.png", axis=axis, size=(400, 300))  # type: ignore[arg-type]
     x, y = (matplotlib.image.imread(tmp_path / f"{name}.png")[-30:, :90, :3] for name in "xy")
     assert x.min() < 0.5 and (x != y).any() and np.abs(x[:, 60:] - y[:, 60:]).max() == 0  # "cut at x = ", "cut at y = "
+
+
+def test_a_side_shows_the_mesh_from_there(tmp_path: Path) -> None:
+    """A slab that is 6 mm long in y, 3 mm in x and 1 mm in z: each side has a shape of its own."""
+    mesh = cube_mesh(3, side=6.0)
+    slab = replace(mesh, points=mesh.points * [0.5, 1, 1 / 6])
+    shape = {}
+    for view in ("left", "front", "top"):
+        picture(slab, tmp_path / "a.png", position=1, view=view, size=(800, 600))
+        inked = matplotlib.image.imread(tmp_path / "a.png")[:560, 200:, :3].min(axis=2) < 0.99
+        rows, columns = np.flatnonzero(inked.any(axis=1)), np.flatnonzero(inked.any(axis=0))
+        shape[view] = (np.ptp(columns) / np.ptp(rows)).round(1)
+    assert shape == pytest.approx({"left": 6, "front": 3, "top": 0.5}, rel=0.2)  # edges have a width
+
+
+def test_regions_have_their_colours_and_a_mesh_without_any_is_refused(tmp_path: Path) -> None:
+    mesh = cube_mesh(3, side=6.0)
+    with pytest.raises(InputError, match="no regions"):
+        picture(mesh, tmp_path / "a.png", regions=True)
+    number = np.where(mesh.points[mesh.cells].mean(axis=1)[:, 2] > 3, 1, 2)
+    picture(replace(mesh, cell_data={REGION: number}), tmp_path / "a.png", regions=True, size=(800, 600))
+    drawn = matplotlib.image.imread(tmp_path / "a.png")[..., :3]
+    orange, blue = (drawn[..., 0] > drawn[..., 2] + 0.3).sum(), (drawn[..., 2] > drawn[..., 0] + 0.3).sum()
+    assert min(orange, blue) > 10_000

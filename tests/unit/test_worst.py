@@ -83,6 +83,7 @@ def test_a_fan_of_three_is_named_and_reconnection_recommended_unless_it_was_trie
     around = fans(mesh)
     assert "an interior edge in 3 tetrahedra keeps q at 0.300 or above" in worst_elements(mesh, around)[0].reason
     assert "reconnect" in worst_elements(mesh, around)[0].remedy
+    assert not worst_elements(mesh, around, limit=0.9)[0].remedy
     assert "reconnect" not in worst_elements(mesh, around, stages=["clean", "reconnect"])[0].remedy
 
 
