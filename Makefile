@@ -34,7 +34,7 @@ figures: setup ## make the other pictures of README and documentation anew, from
 	@tools/setup.sh test
 	python tools/figures.py
 
-notebook: setup ## run the notebook of examples/ into .cache/tour.html
+notebook: setup ## run the notebook of examples/, and store its outputs
 	tools/notebook.sh
 
 benchmark: setup ## what became slower than in COMMIT (the last one), in CPU seconds of one run

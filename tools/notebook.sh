@@ -1,5 +1,5 @@
 #!/bin/sh
-# Run the notebook of examples/ and write it as a page, .cache/tour.html. Jupyter lives in an environment of its own.
+# Run the notebook of examples/, store it with its outputs, and write it as a page, .cache/tour.html. Jupyter lives in an environment of its own.
 set -eu
 root=$(cd "$(dirname "$0")/.." && pwd)
 jupyter="$root/.cache/jupyter"
@@ -11,5 +11,7 @@ cp "$root/examples/tour.ipynb" "$work"
 cd "$work"
 # the packages of the environment that calls this, beside Jupyter's
 PYTHONPATH="$root:$(python -c 'import site; print(site.getsitepackages()[0])')" \
-    "$jupyter/bin/jupyter" nbconvert --to html --execute tour.ipynb --output-dir "$root/.cache"
-echo ".cache/tour.html: written"
+    "$jupyter/bin/jupyter" nbconvert --to notebook --execute --inplace --ExecutePreprocessor.record_timing=False tour.ipynb
+"$jupyter/bin/jupyter" nbconvert --to html tour.ipynb --output-dir "$root/.cache"
+cp tour.ipynb "$root/examples"
+echo "examples/tour.ipynb, .cache/tour.html: written"
