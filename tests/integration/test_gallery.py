@@ -27,7 +27,7 @@ def test_an_example_runs(script: Path, tmp_path: Path, monkeypatch: pytest.Monke
 
 
 def test_the_cells_of_the_notebook_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """As plain Python: Jupyter itself is not among what the tests need. It is stored with outputs, of a size to read."""
+    """As plain Python: Jupyter itself is not among what the tests need. It is stored with small outputs."""
     monkeypatch.chdir(tmp_path)
     text = (ROOT / "examples/tour.ipynb").read_text()
     cells = json.loads(text)["cells"]
