@@ -9,9 +9,9 @@ shortened, first of all there.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -148,6 +148,10 @@ def _fault(walls: Sequence[TriSurface], every: Sequence[TriSurface]) -> str:
     return ""
 
 
+def _said(_parameters: Mapping[str, Any], _backend: str, mesher: str, meshes: str) -> str:
+    return f"the mesher {mesher} (a remeshed boundary, filled with a body-centred cubic lattice by TetGen; {meshes})"
+
+
 MESHERS = (
     Mesher(
         name="lattice",
@@ -158,5 +162,6 @@ MESHERS = (
         cost=Cost((250, 520), (8, 20)),
         regions=True,
         sizes=True,
+        said=_said,
     ),
 )

@@ -189,8 +189,8 @@ def cohort_figure(table: Path, *, limit: float | None = None, target: float | No
         if not like:
             for axis in axes[1:3]:
                 axis.annotate(
-                    f"grey: {H} = {published.CELL_SIZE:g} mm", (1, 1), xycoords="axes fraction",
-                    ha="right", va="bottom", fontsize="small", color=DARK_GREY,
+                    f"grey: {H} = {published.CELL_SIZE:g} mm", (0.02, 1), xycoords="axes fraction",
+                    ha="left", va="bottom", fontsize="small", color=DARK_GREY,
                 )  # fmt: skip
         for value, name, line in ((limit, "limit", "--"), (target, "target", ":")):
             if value is not None:
