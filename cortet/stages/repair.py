@@ -8,7 +8,7 @@ triangles. As a last resort, the whole surface is rebuilt on a grid instead.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,7 +17,7 @@ import numpy as np
 from cortet.errors import InputError
 from cortet.meshes import TriSurface
 from cortet.sections import Cost, Fraction, Positive, Section, Threshold
-from cortet.stages.stage import Stage
+from cortet.stages.stage import Certificate, Stage
 
 if TYPE_CHECKING:
     from cortet.measure.fidelity import Distances
@@ -183,6 +183,17 @@ def _untouched(surface: TriSurface, source: Any) -> RepairReport:
     )
 
 
+def _sentence(certificates: Sequence[Certificate]) -> str:
+    reports = {content["case"]: content["reports"].get("repair", {}) for content in certificates}
+    done = {
+        case: ", ".join(f"{step['done']}: {step['count']:,} {step['of']}" for step in report["steps"])
+        for case, report in reports.items()
+        if report.get("repaired")
+    }
+    told = "; ".join(f"{case} ({steps})" for case, steps in done.items())
+    return f"Of these surfaces, {len(done)} had been repaired: {told}." if done else ""
+
+
 STAGE = Stage(
     name="repair",
     order=20,
@@ -193,5 +204,6 @@ STAGE = Stage(
     parameters=Repair,
     facts=("source",),
     cost=Cost((700, 0), (15, 0)),
+    sentence=_sentence,
     alone=True,
 )

@@ -86,6 +86,17 @@ def test_it_gives_the_parameters_of_each_stage_that_ran(records: list[dict[str, 
     assert "swaps" not in published and "sweeps" not in published
 
 
+def test_repaired_surfaces_are_told(records: list[dict[str, Any]]) -> None:
+    repaired = copy.deepcopy(records[0])
+    repaired["reports"]["repair"] = {
+        "repaired": True,
+        "steps": [{"done": "holes filled", "count": 1200, "of": "faces"}],
+    }
+    text = methods_text([repaired, *records[1:]], CASES, {})
+    assert f"Of these surfaces, 1 had been repaired: {repaired['case']} (holes filled: 1,200 faces)." in text
+    assert "repaired" not in methods_text(records, CASES, {})
+
+
 def test_the_fallback_is_told(records: list[dict[str, Any]]) -> None:
     fallback = copy.deepcopy(records[0])
     fallback["reports"]["generate"]["backend"] = "tetgen"
