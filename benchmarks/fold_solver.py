@@ -20,10 +20,9 @@ from noise : the surface is displaced at random by a thousandth of the thickness
 Allen : 2 pi H (E_f / 3 E_s)^(1/3) for a thickness H and plane-strain moduli E = 2 mu / (1 - nu) of a stiff film on a
     soft base (Allen 1969).
 
-`yielding`: the base relaxes as a Maxwell body (`fold.core_relaxation`), and its layer is sharp. A bump of each of three
-lengths around that of the first wave of `fold_theory.py yielding` grows; the growth along in which it becomes from
-`_LOW` to `_HIGH` times as high is set beside that of the theory, and the least growth at which one is so high, and its
-length, likewise.
+`yielding`: the base relaxes as a Maxwell body (`fold.core_relaxation`), and its layer is sharp. Bumps of three lengths
+grow until they are `AMPLIFIED` times as high; the least growth at which one is, and its length, stand beside those of
+`fold_theory.py yielding`.
 
 `balls`: a flat layer would buckle as the strip says; a ball's curvature changes the factor, not the trend. The ball
 grows until the distances of its surface from the centre, divided by those at the start, vary by some per cent; the
@@ -61,8 +60,7 @@ import pyvista
 import trimesh
 from _frame import command, cpu_seconds
 from cubes import KUHN
-from fold_theory import Onset, first_wave, onset
-from fold_theory import heights as theory_of_waves
+from fold_theory import AMPLIFIED, Onset, first_wave, onset
 from numpy.typing import NDArray
 from scipy.fft import dct
 from scipy.spatial import ConvexHull, Delaunay, cKDTree
@@ -76,7 +74,7 @@ from cortet.folding.contact import contact_of, listed_at
 from cortet.folding.fold_figures import series
 from cortet.folding.growth import Linear
 from cortet.folding.journal import SERIES, TABLE
-from cortet.folding.kernels import DONE, LIST_OUTDATED, Motion, advance, workspace
+from cortet.folding.kernels import DONE, LIST_OUTDATED, Motion, advance, energies, workspace
 from cortet.folding.law import ACROSS
 from cortet.folding.models import CONSTANTS, course, tangential
 from cortet.folding.patches import renew
@@ -103,7 +101,7 @@ _SEED, _ROUGHNESS = 1e-3, 0.05
 #: fast buckles late, in shorter waves
 _PERIODS = 5
 #: the same for a bump, which is to be at rest at every growth; its height, in film thicknesses
-_BUMP_PERIODS, _BUMP = 10, 0.01
+_BUMP_PERIODS, _BUMP = 40, 0.01
 #: amplification from which on, and up to which, a bump grows as theory says; it lasts past the critical growth
 _FROM, _TO = 3.0, 8.0
 #: growth along, in that of the onset, at which all growth across has come: before a bump grows by `_FROM`
@@ -118,8 +116,8 @@ _GRADING = 1.25
 
 #: steps after which a base relaxes
 _PER_YIELD = 10
-#: heights of a bump, over that at the start, between which its growth on a base that yields is measured
-_LOW, _HIGH = 3.0, 10.0
+#: height of a bump on a base that yields, in film thicknesses: small until it is `AMPLIFIED`
+_SMALL_BUMP = 0.001
 
 
 class Wrinkles(NamedTuple):
@@ -225,7 +223,8 @@ def growing(
             state.v[nodes, axis] = 0
         if np.isfinite(yielding) and step % _PER_YIELD == 0:
             parts = -np.expm1(-_PER_YIELD * rate * dt / yielding) * every
-            relax(body, body, material, state.x, grown.growth[0], 0.0, parts)
+            energies(material, state, work, grown.growth[0], 0.0)
+            relax(body, body, work, grown.growth[0], 0.0, parts)
             renew(work.patches, body)
         yield growth, state.x[strip.surface, 2]
 
@@ -289,12 +288,16 @@ def measured_onset(
 ) -> tuple[float, float]:
     """Least critical growth and its wavelength."""
     waves = np.array(_WAVES) * exact.wavelength * thickness
-    growths = [critical_growth(wave, spacing, thickness, material, exact.growth, across) for wave in waves]
+    return least(waves, [critical_growth(wave, spacing, thickness, material, exact.growth, across) for wave in waves])
+
+
+def least(waves: FloatArray, growths: Sequence[float]) -> tuple[float, float]:
+    """The least growth, by a parabola through those of three waves, and its wave."""
     a, b, c = np.polyfit(np.log(waves), growths, 2)
-    least = np.exp(-b / (2 * a))
-    if a <= 0 or not waves[0] < least < waves[-1]:  # no least one among them
+    wave = np.exp(-b / (2 * a))
+    if a <= 0 or not waves[0] < wave < waves[-1]:  # no least one among them
         return min(growths), float(waves[np.argmin(growths)])
-    return float(c - b**2 / (4 * a)), float(least)
+    return float(c - b**2 / (4 * a)), float(wave)
 
 
 def mean_wavelength(heights: FloatArray, length: float) -> float:
@@ -341,33 +344,26 @@ def sharp(strip: Strip) -> Strip:
     return strip._replace(body=strip.body._replace(depth=depth))
 
 
-def grown_between(growths: Sequence[float], heights: Sequence[float]) -> tuple[float, float]:
-    """Growth along from a height of `_LOW` to one of `_HIGH`, and at the latter; NaN: it was not reached."""
-    low, high = (float(np.interp(at, heights, growths, right=np.nan)) for at in (_LOW, _HIGH))
-    return high - low, high
-
-
-def bump_on(wavelength: float, spacing: float, material: Material, yielding: float, slow: float) -> tuple[float, float]:
-    """How much a film 1 thick grows while a bump does; see `grown_between`.
+def growth_of_bump(wavelength: float, spacing: float, material: Material, yielding: float, slow: float) -> float:
+    """Growth along at which a bump on a film 1 thick is `AMPLIFIED` times as high; NaN: none up to 1.
 
     slow : growth along in the time in which a shear wave of the base crosses the wave
     """
     flat = film(strip(wavelength, 2 * wavelength + 2, 1.0, spacing), 1.0)
     wave = np.cos(2 * np.pi * flat.points[:, 0] / wavelength)
     bumpy = flat.points.copy()
-    bumpy[:, 2] += _BUMP * wave * np.exp(2 * np.pi / wavelength * bumpy[:, 2]) * ~flat.held[2]
+    bumpy[:, 2] += _SMALL_BUMP * wave * np.exp(2 * np.pi / wavelength * bumpy[:, 2]) * ~flat.held[2]
     bent = film(TetMesh(bumpy, flat.body.cells), 1.0)
     bent = sharp(bent._replace(body=bent.body._replace(depth=flat.body.depth), held=flat.held, surface=flat.surface))
-    seen: list[tuple[float, float]] = []
-    for growth, heights in growing(
-        bent, bumpy, material, rate_of(1 / slow, 1.0, wavelength, material), yielding=yielding
-    ):
+    rate, first = rate_of(1 / slow, 1.0, wavelength, material), 0.0
+    for growth, heights in growing(bent, bumpy, material, rate, yielding=yielding):
         amplitude = float(dct(heights, type=1)[2])
-        seen.append((growth, amplitude))
-        if amplitude > 1.05 * _HIGH * seen[0][1] or growth > 1:
+        first = first or amplitude
+        if amplitude > AMPLIFIED * first:
+            return growth
+        if growth > 1:
             break
-    growths, amplitudes = np.array(seen).T
-    return grown_between(growths, amplitudes / amplitudes[0])
+    return np.nan
 
 
 def yielding(
@@ -376,7 +372,7 @@ def yielding(
     stiffness: Sequence[float] = (1.0, 2.0),
     times: Sequence[float] = (2.0, 0.5),
     rate: float = CONSTANTS["growing"].growth_rate,
-    slow: float = 0.02,
+    slow: float = 0.005,
 ) -> None:
     """Compare bumps on a base that yields with theory.
 
@@ -384,19 +380,18 @@ def yielding(
     rate : growth along per week
     slow : growth along in the time in which a shear wave of the base crosses a wave
     """
-    print("stiffness  weeks  wavelength  growth of the bump  measured / exact  CPU s")
+    print("                  exact               measured / exact")
+    print("stiffness  weeks  growth  wavelength  growth  wavelength  CPU s")
     for ratio, weeks in product(stiffness, times):
-        material = material_of(ratio)
-        _, first = first_wave(material, rate * weeks)
-        for wavelength in np.array(_WAVES) * first:
-            began = time.process_time()
-            exact = grown_between(*theory_of_waves(2 * np.pi / wavelength, material, rate * weeks))
-            found = bump_on(wavelength, spacing, material, rate * weeks, slow)
-            print(
-                f"{ratio:9g} {weeks:6g} {wavelength:11.2f} {found[0]:19.4f} {found[0] / exact[0]:17.3f}"
-                f" {time.process_time() - began:6.0f}",
-                flush=True,
-            )
+        began, material = time.process_time(), material_of(ratio)
+        growth, wavelength = first_wave(material, rate * weeks)
+        waves = np.array(_WAVES) * wavelength
+        found = least(waves, [growth_of_bump(wave, spacing, material, rate * weeks, slow) for wave in waves])
+        print(
+            f"{ratio:9g} {weeks:6g} {growth:7.4f} {wavelength:11.2f} {found[0] / growth:7.3f}"
+            f" {found[1] / wavelength:11.2f} {time.process_time() - began:6.0f}",
+            flush=True,
+        )
 
 
 # --- balls that fold -------------------------------------------------------------------------------------------------

@@ -270,7 +270,7 @@ def heights(wave_number: float, material: Material, yielding: float, across: flo
     depth = np.sort(np.concatenate([borders, (borders[:-1] + borders[1:]) / 2]))[:-1]
     start = np.zeros(2 * len(depth))
     start[1::2] = np.exp(-wave_number * depth)
-    relaxed, kept, found = start, _forces(all_of_it - yields, start), []
+    relaxed, last, kept, found = start, start, _forces(all_of_it - yields, start), []
     growths = np.arange(0, _FOLLOWED, step)
     for growth in growths:
         try:
@@ -279,7 +279,8 @@ def heights(wave_number: float, material: Material, yielding: float, across: flo
             break
         wave = cho_solve_banded((factor, True), kept + _forces(yields, relaxed))
         found.append(wave[1])
-        relaxed = relaxed + part * (wave - relaxed)
+        relaxed = relaxed + part * ((3 * wave - last) / 2 - relaxed)  # towards the wave in the middle of the next step
+        last = wave
         if wave[1] > AMPLIFIED * start[1]:
             break
     return growths[: len(found)], np.array(found) / start[1]

@@ -51,6 +51,9 @@ class Material(NamedTuple):
     bulk: float = 5.0
     density: float = 0.01
     damping: float = 0.5
+    #: part of its shear energy that an element has from its own deformation, the rest from that of its edges
+    #: (`smoothing`); 1: linear tetrahedra
+    own: float = 0.1
 
 
 class Scale(NamedTuple):

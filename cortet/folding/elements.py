@@ -19,17 +19,14 @@ from cortet.folding.law import (
     cross,
     deformation,
     degenerate_stress,
-    dot,
     fast,
     forces_on_corners,
     grown_gradients,
     grown_volume,
     growth_share,
     inlined,
-    inverse_cube_root,
-    may_be_degenerate,
     own_growth,
-    phi,
+    scaled,
     shear_modulus,
     stress,
     stretches,
@@ -51,8 +48,9 @@ from cortet.folding.patches import (
 
 #: rows of a patch's own memory, few, so that they fit in the cache: edges from corner 0, later replaced by the forces
 #: on the corners 1, 2 and 3; share of the cortex, growth along and across it, grown volume; current volume, later
-#: replaced by J; and the mean ratio of the nodal volumes, which replaces the growth of the core and gives way to tr B
-EDGES, SHARE, ALPHA, BETA, GROWN, CURRENT, MEAN, OWN_ROWS = 0, 9, 10, 11, 12, 13, 14, 15
+#: replaced by J; the mean ratio of the nodal volumes, which replaces the growth of the core and gives way to tr B; and
+#: the sum of the stresses of its six edges (`smoothing`)
+EDGES, SHARE, ALPHA, BETA, GROWN, CURRENT, MEAN, SMOOTHED, OWN_ROWS = 0, 9, 10, 11, 12, 13, 14, 15, 24
 J, TRACE = CURRENT, MEAN
 
 
@@ -66,6 +64,20 @@ def at(rows, row, e):  # type: ignore[no-untyped-def]
 def put(rows, row, e, a):  # type: ignore[no-untyped-def]
     """Write the vector a to these rows."""
     rows[row * SIZE + e], rows[(row + 1) * SIZE + e], rows[(row + 2) * SIZE + e] = a
+
+
+@inlined
+def tensor(rows, row, e):  # type: ignore[no-untyped-def]
+    """The tensor of element e of a patch whose components are in the nine rows from `row` on."""
+    return at(rows, row, e), at(rows, row + 3, e), at(rows, row + 6, e)
+
+
+@inlined
+def put_tensor(rows, row, e, f0, f1, f2):  # type: ignore[no-untyped-def]
+    """Write the rows of a tensor to these rows."""
+    put(rows, row, e, f0)
+    put(rows, row + 3, e, f1)
+    put(rows, row + 6, e, f2)
 
 
 @fast
@@ -111,6 +123,17 @@ def own_modulus(constants, material, e, share):  # type: ignore[no-untyped-def]
 
 
 @fast
+def weigh_elements(rows, constants, material):  # type: ignore[no-untyped-def]
+    """Replace the edges of each element by F times its weight, modulus times grown volume, which replaces the mean."""
+    for e in range(SIZE):
+        a, b, c = own_gradients(constants, e, rows[ALPHA * SIZE + e], rows[BETA * SIZE + e])
+        f0, f1, f2 = deformation(at(rows, EDGES, e), at(rows, EDGES + 3, e), at(rows, EDGES + 6, e), a, b, c)
+        weight = rows[GROWN * SIZE + e] * own_modulus(constants, material, e, rows[SHARE * SIZE + e])
+        put_tensor(rows, EDGES, e, scaled(weight, f0), scaled(weight, f1), scaled(weight, f2))
+        rows[MEAN * SIZE + e] = weight
+
+
+@fast
 def stress_elements(rows, constants, material):  # type: ignore[no-untyped-def]
     """Replace the edges of each element by the forces on its corners 1, 2 and 3, as if none were degenerate."""
     for e in range(SIZE):
@@ -118,33 +141,12 @@ def stress_elements(rows, constants, material):  # type: ignore[no-untyped-def]
         f0, f1, f2 = deformation(at(rows, EDGES, e), at(rows, EDGES + 3, e), at(rows, EDGES + 6, e), a, b, c)
         grown, mu = rows[GROWN * SIZE + e], own_modulus(constants, material, e, rows[SHARE * SIZE + e])
         pressure = grown * material.bulk * (rows[MEAN * SIZE + e] - 1)
-        p0, p1, p2, j, trace = stress(f0, f1, f2, grown * mu, pressure)
-        put_forces(rows, e, forces_on_corners(p0, p1, p2, a, b, c))
+        weight, (s0, s1, s2) = grown * mu, tensor(rows, SMOOTHED, e)
+        p0, p1, p2, j, trace = stress(f0, f1, f2, material.own * weight, pressure)
+        p0, p1, p2 = combined(1.0, p0, weight, s0), combined(1.0, p1, weight, s1), combined(1.0, p2, weight, s2)
+        put_tensor(rows, EDGES, e, *forces_on_corners(p0, p1, p2, a, b, c))
         rows[J * SIZE + e] = j
         rows[TRACE * SIZE + e] = trace
-
-
-@fast
-def deviatoric_energy(rows, constants, material, e):  # type: ignore[no-untyped-def]
-    """mu / 2 (J^(-2/3) tr B - 3) times the grown volume of element e, after `grow_elements`."""
-    a, b, c = own_gradients(constants, e, rows[ALPHA * SIZE + e], rows[BETA * SIZE + e])
-    f0, f1, f2 = deformation(at(rows, EDGES, e), at(rows, EDGES + 3, e), at(rows, EDGES + 6, e), a, b, c)
-    j, trace = dot(f0, cross(f1, f2)), dot(f0, f0) + dot(f1, f1) + dot(f2, f2)
-    factor = inverse_cube_root(j) ** 2
-    if may_be_degenerate(j, trace):
-        stretch = stretches(f0, f1, f2)[1]
-        factor = phi(stretch[0])[0] * phi(stretch[1])[0] * phi(stretch[2])[0]
-    return (
-        rows[GROWN * SIZE + e] * own_modulus(constants, material, e, rows[SHARE * SIZE + e]) / 2 * (factor * trace - 3)
-    )
-
-
-@inlined
-def put_forces(rows, e, forces):  # type: ignore[no-untyped-def]
-    """Write the forces of an element on its corners 1, 2 and 3."""
-    put(rows, EDGES, e, forces[0])
-    put(rows, EDGES + 3, e, forces[1])
-    put(rows, EDGES + 6, e, forces[2])
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -161,14 +163,16 @@ def open_degenerate(rows, constants, material, e, x, corners):  # type: ignore[n
         return False
     grown = rows[GROWN * SIZE + e]
     mu = own_modulus(constants, material, e, rows[SHARE * SIZE + e])
-    s0, s1, s2 = degenerate_stress(left, stretch, right, grown * mu)
+    weight, (s0, s1, s2) = grown * mu, tensor(rows, SMOOTHED, e)
+    p0, p1, p2 = degenerate_stress(left, stretch, right, material.own * weight)
+    p0, p1, p2 = combined(1.0, p0, weight, s0), combined(1.0, p1, weight, s1), combined(1.0, p2, weight, s2)
     q = grown * material.bulk * (mean_ratio(x, corners, e) - 1)
     p0, p1, p2 = (
-        combined(1.0, s0, q, cross(f1, f2)),
-        combined(1.0, s1, q, cross(f2, f0)),
-        combined(1.0, s2, q, cross(f0, f1)),
+        combined(1.0, p0, q, cross(f1, f2)),
+        combined(1.0, p1, q, cross(f2, f0)),
+        combined(1.0, p2, q, cross(f0, f1)),
     )
-    put_forces(rows, e, forces_on_corners(p0, p1, p2, a, b, c))
+    put_tensor(rows, EDGES, e, *forces_on_corners(p0, p1, p2, a, b, c))
     return True
 
 

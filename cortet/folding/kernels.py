@@ -24,14 +24,15 @@ from cortet.folding.elements import (
     MEAN,
     OWN_ROWS,
     SHARE,
+    SMOOTHED,
     TRACE,
     J,
-    deviatoric_energy,
     edges_of_elements,
     grow_elements,
     mean_ratio,
     open_degenerate,
     stress_elements,
+    weigh_elements,
 )
 from cortet.folding.law import (
     dot,
@@ -47,6 +48,16 @@ from cortet.folding.patches import (
     SIZE,
     Patches,
     patches_of,
+)
+from cortet.folding.smoothing import (
+    PER_ELEMENT,
+    Edges,
+    add_edges,
+    edges_of,
+    energy_of_edges,
+    energy_of_rows,
+    put_weighted,
+    stress_edges,
 )
 from cortet.meshes import FloatArray
 
@@ -67,6 +78,7 @@ class Work(NamedTuple):
     """Intermediate results of a step."""
 
     patches: Patches
+    edges: Edges
     #: (m,), growth g of each element between 0 and 1; current volume; volume after growth alone: at the last positions
     #: for which `elastic_forces` was called
     share: FloatArray
@@ -95,8 +107,8 @@ class Work(NamedTuple):
     energy: FloatArray
 
 
-def workspace(body: Body) -> Work:
-    """Arrays for the steps of a body."""
+def workspace(body: Body, *, smoothed: bool = True) -> Work:
+    """Arrays for the steps of a body; without `smoothed`, those of edges are empty, as `Material.own` 1 needs none."""
     m, n, patches = len(body.cells), len(body.held), patches_of(body)
     # this starts Numba's threads. A cached kernel compiled around a cached parallel loop does not; without the threads
     # it would end the process
@@ -104,6 +116,7 @@ def workspace(body: Body) -> Work:
     threads: int = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]
     return Work(
         patches=patches,
+        edges=edges_of(body.cells, smoothed=smoothed),
         share=np.zeros(m),
         current=np.zeros(m),
         grown=np.zeros(m),
@@ -166,7 +179,7 @@ def ratios(first, last, patches, slot_volumes, node_grown, ratio):  # type: igno
 
 
 @fast
-def _forces(patch, patches, material, x, growth, thickening, elements, ratio, slot_forces, rows, own):  # type: ignore[no-untyped-def]
+def _forces(patch, patches, edges, material, x, growth, thickening, elements, ratio, slot_forces, rows, own):  # type: ignore[no-untyped-def]
     """Forces of a patch on its own nodes; return its smallest J, NaN if any is, and how many are degenerate."""
     patches, material = Patches(*patches), Material(*material)
     corners, constants = patches.corners[patch], patches.constants[patch]
@@ -179,6 +192,10 @@ def _forces(patch, patches, material, x, growth, thickening, elements, ratio, sl
     grow_elements(rows, constants, patches.label[patch], growth, thickening)
     for e in range(SIZE):
         rows[MEAN * SIZE + e] = mean_ratio(own, corners, e)
+    if material.own < 1:
+        add_edges(patch, count, edges, rows)
+    else:
+        rows[SMOOTHED * SIZE :] = 0.0
     stress_elements(rows, constants, material)
     smallest, degenerate = np.inf, 0
     for e in range(count):
@@ -252,20 +269,29 @@ def move(first, last, patches, held, material, state, slot_forces, external, nod
 
 @numba.njit(parallel=True, cache=True, error_model="numpy")
 def _elastic_forces(  # type: ignore[no-untyped-def]
-    patches, material, x, growth, thickening, elements, node_grown, ratio, slots, own, block_min, degenerate
+    patches, edges, material, x, growth, thickening, elements, node_grown, ratio, slots, own, block_min, degenerate
 ):
-    (slot_volumes, slot_forces), (rows, nodes) = slots, own
+    (slot_volumes, slot_forces), (rows, nodes), part = slots, own, (1 - Material(*material).own) / PER_ELEMENT
     for patch in numba.prange(len(block_min)):
         t = numba.get_thread_id()  # type: ignore[attr-defined]
         _volumes(patch, patches, x, growth, thickening, elements, slot_volumes, rows[t], nodes[t])
+        if part > 0:
+            weigh_elements(rows[t], Patches(*patches).constants[patch], Material(*material))
+            put_weighted(patch, elements, edges, rows[t])
     for block in numba.prange((len(ratio) + _BLOCK - 1) // _BLOCK):
         first, last = block * _BLOCK, min(len(ratio), (block + 1) * _BLOCK)
         ratios(first, last, patches, slot_volumes, node_grown, ratio)
+    count = len(Edges(*edges).starts) - 1 if part > 0 else 0
+    found = np.zeros((count + SIZE - 1) // SIZE, np.int64)
+    for block in numba.prange(len(found)):
+        t = numba.get_thread_id()  # type: ignore[attr-defined]
+        found[block] = stress_edges(block * SIZE, min(count, (block + 1) * SIZE), edges, part, rows[t])
     for patch in numba.prange(len(block_min)):
         t = numba.get_thread_id()  # type: ignore[attr-defined]
         block_min[patch], degenerate[patch] = _forces(
-            patch, patches, material, x, growth, thickening, elements, ratio, slot_forces, rows[t], nodes[t]
+            patch, patches, edges, material, x, growth, thickening, elements, ratio, slot_forces, rows[t], nodes[t]
         )
+    degenerate[0] += found.sum()
 
 
 @numba.njit(parallel=True, cache=True, error_model="numpy")
@@ -282,6 +308,7 @@ def _all_forces(material, x, work, growth, thickening):  # type: ignore[no-untyp
     """Compute `work.slot_forces` and the nodal volumes for positions x; return the smallest J, NaN if any is."""
     _elastic_forces(
         tuple(work.patches),
+        tuple(work.edges),
         tuple(material),
         x,
         growth,
@@ -379,37 +406,45 @@ def energies(
     material: Material, state: Motion, work: Work, growth: FloatArray, thickening: float
 ) -> tuple[float, float]:
     """Kinetic and elastic energy of a state, whose growth and volumes stay in `work`; see `elastic_forces`."""
-    deviatoric = np.empty(len(work.share))
+    deviatoric, of_edges = np.empty(len(work.share)), np.empty(len(work.edges.starts) - 1)
     _measure(
         tuple(work.patches),
+        tuple(work.edges),
         tuple(material),
         state.x,
         growth,
         thickening,
+        of_edges,
         (deviatoric, work.share, work.current, work.grown),
         (work.slot_volumes, work.node_grown, work.ratio),
         (work.own_rows, work.own_nodes),
     )
     kinetic = material.density / 2 * (work.node_grown[:, None] * state.v**2).sum()
     volumetric = material.bulk / 2 * (work.node_grown * (work.ratio - 1) ** 2).sum()
-    return float(kinetic), float(deviatoric.sum() + volumetric)
+    shear = material.own * deviatoric.sum() + (1 - material.own) / PER_ELEMENT * of_edges.sum()
+    return float(kinetic), float(shear + volumetric)
 
 
 @numba.njit(parallel=True, cache=True, error_model="numpy")
-def _measure(patches, material, x, growth, thickening, of_elements, of_nodes, own):  # type: ignore[no-untyped-def]
+def _measure(patches, edges, material, x, growth, thickening, of_edges, of_elements, of_nodes, own):  # type: ignore[no-untyped-def]
     (deviatoric, share, current, grown), (slot_volumes, node_grown, ratio), (rows, nodes) = of_elements, of_nodes, own
     elements = len(share)
     for patch in numba.prange((elements + SIZE - 1) // SIZE):
         t = numba.get_thread_id()  # type: ignore[attr-defined]
         _volumes(patch, patches, x, growth, thickening, elements, slot_volumes, rows[t], nodes[t])
-        constants = Patches(*patches).constants[patch]
-        for e in range(min(SIZE, elements - patch * SIZE)):
-            i = patch * SIZE + e
-            deviatoric[i] = deviatoric_energy(rows[t], constants, Material(*material), e)
+        first, last = patch * SIZE, min(elements, (patch + 1) * SIZE)
+        for i in range(first, last):
             share[i], current[i], grown[i] = (
-                rows[t, SHARE * SIZE + e],
-                rows[t, CURRENT * SIZE + e],
-                rows[t, GROWN * SIZE + e],
+                rows[t, SHARE * SIZE + i - first],
+                rows[t, CURRENT * SIZE + i - first],
+                rows[t, GROWN * SIZE + i - first],
             )
+        weigh_elements(rows[t], Patches(*patches).constants[patch], Material(*material))
+        if len(of_edges):
+            put_weighted(patch, elements, edges, rows[t])
+        energy_of_rows(first, last, rows[t], deviatoric)
+    for block in numba.prange((len(of_edges) + SIZE - 1) // SIZE):
+        t = numba.get_thread_id()  # type: ignore[attr-defined]
+        energy_of_edges(block * SIZE, min(len(of_edges), (block + 1) * SIZE), edges, rows[t], of_edges)
     for block in numba.prange((len(ratio) + _BLOCK - 1) // _BLOCK):
         ratios(block * _BLOCK, min(len(ratio), (block + 1) * _BLOCK), patches, slot_volumes, node_grown, ratio)

@@ -51,6 +51,12 @@ def combined(p, a, q, b):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def scaled(p, a):  # type: ignore[no-untyped-def]
+    """p a."""
+    return p * a[0], p * a[1], p * a[2]
+
+
+@inlined
 def vector(a, i):  # type: ignore[no-untyped-def]
     """Row i of an array (n, 3) as a vector."""
     return a[i, 0], a[i, 1], a[i, 2]

@@ -23,6 +23,7 @@ from cortet.folding.law import (
     stretches,
     vector,
 )
+from cortet.folding.smoothing import PER_ELEMENT, deformations
 from cortet.folding.state import Moment, Run
 from cortet.meshes import FloatArray
 
@@ -40,7 +41,8 @@ def mechanics(run: Run, moment: Moment) -> Mechanics:
     """Stress and stretch of all elements, in the order of the run.
 
     The Cauchy stress is sigma = P F^T / J, of the first Piola-Kirchhoff stress P and the elastic deformation F of
-    `law` (Holzapfel, Nonlinear Solid Mechanics, 2000, section 3.1).
+    `law` (Holzapfel, Nonlinear Solid Mechanics, 2000, section 3.1). Shear stress and stretch of an element are means
+    over its own F and those of its edges, as shear energy is (`smoothing`).
 
     Parameters
     ----------
@@ -51,6 +53,7 @@ def mechanics(run: Run, moment: Moment) -> Mechanics:
         *_mechanics(
             tuple(moment.body),
             tuple(run.material),
+            tuple(moment.work.edges),
             moment.state.x,
             moment.work.ratio,
             course.growth[0],
@@ -60,8 +63,9 @@ def mechanics(run: Run, moment: Moment) -> Mechanics:
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _mechanics(body, material, x, ratio, growth, thickening):  # type: ignore[no-untyped-def]
-    body, material = Body(*body), Material(*material)
+def _mechanics(body, material, edges, x, ratio, growth, thickening):  # type: ignore[no-untyped-def]
+    body, material, of_edges = Body(*body), Material(*material), deformations(edges)
+    part = (1 - material.own) / PER_ELEMENT
     sigma, largest = np.empty((len(body.cells), 6)), np.empty(len(body.cells))
     for e in range(len(body.cells)):
         cells, rows, n = body.cells[e], body.gradients[e], vector(body.normals, e)
@@ -76,14 +80,27 @@ def _mechanics(body, material, x, ratio, growth, thickening):  # type: ignore[no
         f0, f1, f2 = deformation(u, v, w, gradients[0], gradients[1], gradients[2])
         mean = (ratio[cells[0]] + ratio[cells[1]] + ratio[cells[2]] + ratio[cells[3]]) / 4
         mu, bulk = shear_modulus(material, share, body.stiffness[e]), material.bulk * (mean - 1)
-        p0, p1, p2, j, _ = stress(f0, f1, f2, mu, bulk)
-        left, stretch, right = stretches(f0, f1, f2)
-        if stretch[2] < SMALLEST_STRETCH:
-            q0, q1, q2 = degenerate_stress(left, stretch, right, mu)
-            p0 = combined(1.0, q0, bulk, cross(f1, f2))
-            p1 = combined(1.0, q1, bulk, cross(f2, f0))
-            p2 = combined(1.0, q2, bulk, cross(f0, f1))
-        sigma[e, 0], sigma[e, 1], sigma[e, 2] = dot(p0, f0) / j, dot(p1, f1) / j, dot(p2, f2) / j
-        sigma[e, 3], sigma[e, 4], sigma[e, 5] = dot(p0, f1) / j, dot(p1, f2) / j, dot(p0, f2) / j
-        largest[e] = stretch[0]
+        sigma[e], largest[e] = _cauchy(f0, f1, f2, mu * material.own, bulk)
+        if part > 0:
+            largest[e] *= material.own
+            for k in range(e * PER_ELEMENT, (e + 1) * PER_ELEMENT):
+                f = of_edges[edges[0][k]]
+                f0, f1, f2 = (f[0], f[1], f[2]), (f[3], f[4], f[5]), (f[6], f[7], f[8])
+                of_edge, stretch = _cauchy(f0, f1, f2, mu * part, 0.0)
+                sigma[e] += of_edge
+                largest[e] += part * stretch
     return sigma, largest
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _cauchy(f0, f1, f2, mu, bulk):  # type: ignore[no-untyped-def]
+    """Cauchy stress (6,) for the rows of F, and the largest stretch."""
+    p0, p1, p2, j, _ = stress(f0, f1, f2, mu, bulk)
+    left, stretch, right = stretches(f0, f1, f2)
+    if stretch[2] < SMALLEST_STRETCH:
+        q0, q1, q2 = degenerate_stress(left, stretch, right, mu)
+        p0 = combined(1.0, q0, bulk, cross(f1, f2))
+        p1 = combined(1.0, q1, bulk, cross(f2, f0))
+        p2 = combined(1.0, q2, bulk, cross(f0, f1))
+    sigma = np.array((dot(p0, f0), dot(p1, f1), dot(p2, f2), dot(p0, f1), dot(p1, f2), dot(p0, f2))) / j
+    return sigma, stretch[0]

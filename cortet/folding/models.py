@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
 from cortet.errors import InputError
-from cortet.folding.body import THICKENING, THICKNESS, Body, Scale
+from cortet.folding.body import THICKENING, THICKNESS, Body, Material, Scale
 from cortet.folding.fields import LABEL_FIELD, MASK_FIELD, node_field
 from cortet.folding.growth import (
     AREA,
@@ -42,7 +42,7 @@ from cortet.folding.growth_map import GrowthMap, ages_of_maps, grown_body, map_o
 from cortet.folding.kernels import grown_volume_of
 from cortet.folding.law import ACROSS, ALONG, CORE
 from cortet.folding.relaxation import Relaxation
-from cortet.folding.section import Settings
+from cortet.folding.section import Settings, Time
 from cortet.meshes import REGION, FloatArray, IntArray, TetMesh
 
 #: weeks between the ages at which the stretch of the core is solved for, most rounds, and largest change in the last
@@ -67,12 +67,22 @@ class Constants(NamedTuple):
     #: mm
     thickness: float | None = None
     envelope: bool = False
+    core_relaxation: Time = "elastic"
+    #: see `Material.own`; no setting
+    own: float = Material().own
 
 
 #: `growing`: calibrated on CRL's atlas of 22 weeks (docs/notes/folding.md); BrainGrowth: Wang et al. 2021
 CONSTANTS = {
-    "growing": Constants(growth_rate=0.039, core_stiffness=0.15, thickness_rate=-0.02, thickness=1.25, envelope=True),
-    "braingrowth": Constants(growth_rate=1.829, core_stiffness=1.167),
+    "growing": Constants(
+        growth_rate=0.026,
+        core_stiffness=1.0,
+        thickness_rate=-0.02,
+        thickness=1.25,
+        envelope=True,
+        core_relaxation=0.1,
+    ),
+    "braingrowth": Constants(growth_rate=1.829, core_stiffness=1.167, own=1.0),
 }
 
 
@@ -170,7 +180,7 @@ class Growing(NamedTuple):
 def constants(settings: Settings) -> Constants:
     """The constants of the model; those in the settings replace its own."""
     usual = CONSTANTS[settings.model]
-    given = {name: value for name in usual._fields if (value := getattr(settings, name)) is not None}
+    given = {name: value for name in usual._fields if (value := getattr(settings, name, None)) is not None}
     return usual._replace(**given)
 
 
@@ -249,8 +259,9 @@ def relaxation_of(mesh: TetMesh, settings: Settings) -> Relaxation | None:
     InputError : the settings name a region that the mesh does not have
     """
     chosen = settings.region_relaxation
-    law, times = _places(mesh, list(chosen), "fold.region_relaxation"), [settings.core_relaxation, *chosen.values()]
-    return Relaxation(law, times) if any(times) else None
+    law = _places(mesh, list(chosen), "fold.region_relaxation")
+    times = [constants(settings).core_relaxation, *chosen.values()]
+    return Relaxation(law, times) if any(time != "elastic" for time in times) else None
 
 
 def _places(mesh: TetMesh, keys: Sequence[int | str], setting: str) -> IntArray:

@@ -14,30 +14,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numba
 import numpy as np
 
-from cortet.folding.body import Body, Material
+from cortet.folding.body import Body
+from cortet.folding.kernels import Work
 from cortet.folding.law import (
     combined,
     cross,
-    deformation,
     dot,
     fast,
     grown_gradients,
-    grown_volume,
     growth_share,
     inlined,
     own_growth,
-    shear_modulus,
     vector,
 )
+from cortet.folding.smoothing import PER_ELEMENT, deformations
 from cortet.meshes import FloatArray, IntArray
 
 #: part of tau after which tissue yields again
-PART = 0.1
+PART = 0.25
 #: quality of a reference, 1 for a regular tetrahedron and 0 for a flat one, below which its element no longer yields
 FLATTEST = 0.1
 #: stretch of an element below which its reference stays as it is
@@ -53,16 +52,16 @@ class Relaxation(NamedTuple):
 
     #: (m,), number of the law of each element
     law: IntArray
-    #: relaxation time of each law, weeks, at ages; None: it is elastic
-    times: Sequence[Mapping[float, float] | float | None]
+    #: relaxation time of each law, weeks, at ages; "elastic": it does not relax
+    times: Sequence[Mapping[float, float] | float | Literal["elastic"]]
 
     def rates(self, age: float) -> FloatArray:
         """1 / tau of each law at an age, 1 / week: (k,)."""
         return np.array([_rate(time, age) for time in self.times])
 
 
-def _rate(time: Mapping[float, float] | float | None, age: float) -> float:
-    if time is None:
+def _rate(time: Mapping[float, float] | float | Literal["elastic"], age: float) -> float:
+    if isinstance(time, str):
         return 0.0
     if isinstance(time, Mapping):
         time = float(np.interp(age, sorted(time), [time[known] for known in sorted(time)]))
@@ -72,51 +71,55 @@ def _rate(time: Mapping[float, float] | float | None, age: float) -> float:
 def relax(
     base: Body,
     body: Body,
-    material: Material,
-    x: FloatArray,
+    work: Work,
     growth: FloatArray,
     thickening: float,
     parts: FloatArray,
-) -> float:
-    """Let elements yield at positions x: change the gradients of `base` in place; return the energy dissipated.
+) -> None:
+    """Let elements yield at the positions for which `kernels.energies` ran last: change gradients of `base` in place.
+
+    The strain that relaxes is that of the edges of an element. What only the element has stays, so that it returns to
+    the shape that its neighbours want.
 
     Parameters
     ----------
     base : the reference state
     body : the same as it has grown where growth was measured, else `base`
-    x : (n, 3), positions
     growth, thickening : as for `kernels.elastic_forces`
     parts : (m,), 1 - exp(-dt / tau) of the core of each element
     """
-    return float(_relax(tuple(base), tuple(body), tuple(material), x, growth, thickening, parts).sum())
+    _relax(tuple(base), tuple(body), tuple(work.edges), growth, thickening, parts)
 
 
 @numba.njit(parallel=True, cache=True, error_model="numpy")
-def _relax(base, body, material, x, growth, thickening, parts):  # type: ignore[no-untyped-def]
-    dissipated = np.zeros(len(parts))
+def _relax(base, body, edges, growth, thickening, parts):  # type: ignore[no-untyped-def]
+    means = deformations(edges)
     for e in numba.prange(len(parts)):
         if parts[e] > 0:
-            dissipated[e] = _yield(Body(*base), Body(*body), Material(*material), x, growth, thickening, parts[e], e)
-    return dissipated
+            _yield(Body(*base), Body(*body), _sum_of_edges(edges, means, e), growth, thickening, parts[e], e)
 
 
 @fast
-def _yield(base, body, material, x, growth, thickening, part, e):  # type: ignore[no-untyped-def]
-    """Let element e yield by a part of its strain; return the energy that this takes from it."""
+def _sum_of_edges(edges, means, e):  # type: ignore[no-untyped-def]
+    """Rows of the mean F of the edges of element e."""
+    mean = np.zeros(9)
+    for k in range(PER_ELEMENT):
+        mean += means[edges[0][e * PER_ELEMENT + k]] / PER_ELEMENT
+    return (mean[0], mean[1], mean[2]), (mean[3], mean[4], mean[5]), (mean[6], mean[7], mean[8])
+
+
+@fast
+def _yield(base, body, deformation, growth, thickening, part, e):  # type: ignore[no-untyped-def]
+    """Let element e yield by a part of the strain of a deformation."""
     share = growth_share(body.depth[e], body.thickness[e] + thickening, body.mask[e])
     part *= 1 - share
     along, across, core = vector(growth, body.label[e])
     alpha, beta = own_growth(share, body.amount[e], along, across, core)
-    n = vector(body.normals, e)
-    isotropic, rows, cells = 1 - dot(n, n), body.gradients[e], body.cells[e]
-    origin = vector(x, cells[0])
-    u, v = combined(1.0, vector(x, cells[1]), -1.0, origin), combined(1.0, vector(x, cells[2]), -1.0, origin)
-    w = combined(1.0, vector(x, cells[3]), -1.0, origin)
-    a, b, c = grown_gradients(vector(rows, 0), vector(rows, 1), vector(rows, 2), n, isotropic, alpha, beta)
-    f0, f1, f2 = deformation(u, v, w, a, b, c)
+    n, (f0, f1, f2) = vector(body.normals, e), deformation
+    isotropic = 1 - dot(n, n)
     (p, q, r), axes = squared_stretches(f0, f1, f2)
     if not (min(p, q, r) > _SMALLEST * _SMALLEST and dot(f0, cross(f1, f2)) > 0):
-        return 0.0
+        return
     mean = (p * q * r) ** (1 / 3)
     p, q, r = p / mean, q / mean, r / mean
     factors = math.exp(-part / 2 * math.log(p)), math.exp(-part / 2 * math.log(q)), math.exp(-part / 2 * math.log(r))
@@ -129,13 +132,9 @@ def _yield(base, body, material, x, growth, thickening, part, e):  # type: ignor
     c = _before_growth(_yielded(c, axes, factors), n, alpha, beta)
     after = quality(a, b, c)
     if after < FLATTEST and after < before:
-        return 0.0
+        return
     for k in range(3):
         own[0, k], own[1, k], own[2, k] = a[k], b[k], c[k]
-    u, v, w = factors
-    lost = p * (1 - u * u) + q * (1 - v * v) + r * (1 - w * w)
-    grown = grown_volume(body.volumes[e], alpha, beta, isotropic)
-    return grown * shear_modulus(material, share, body.stiffness[e]) / 2 * lost
 
 
 @inlined

@@ -81,7 +81,8 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
     require_body(mesh)
     mesh, node, cell = _ordered(mesh)
     scale = scale_of(mesh, settings.hemisphere, reference=settings.reference)
-    material, start = Material(mu_core=constants(settings).core_stiffness), time_of(settings.gestational_age)
+    chosen, start = constants(settings), time_of(settings.gestational_age)
+    material = Material(mu_core=chosen.core_stiffness, own=chosen.own)
     labels, regions = labels_of(mesh, settings)
     wall = None
     if settings.hemisphere is not None and not settings.reference:
@@ -111,7 +112,7 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
         material,
         model_of(body, mesh, settings),
         relaxation_of(mesh, settings),
-        constants(settings).envelope,
+        chosen.envelope,
         start,
         end,
         settings.time_step,
@@ -185,7 +186,8 @@ def beginning(run: Run) -> Moment:
         planes=planes_of(ConvexHull(x)) if run.enveloped else None,
         **(_REFERENCE if run.reference else weighted),
     )
-    moment = Moment(0, run.start, Motion(x, np.zeros_like(x)), body, body, workspace(body), contact)
+    work = workspace(body, smoothed=run.material.own < 1)
+    moment = Moment(0, run.start, Motion(x, np.zeros_like(x)), body, body, work, contact)
     if run.time_step is not None and not run.time_step <= (limit := _longest_step(run, moment)):
         raise InputError(
             f"time step {run.time_step:g} is above {limit:.3g}, the longest that a run of this mesh takes",
@@ -282,20 +284,14 @@ def _relax(run: Run, moment: Moment, time: float, duration: float) -> None:
     """Let tissue yield for a duration around a time; the energy that this takes is dissipated."""
     if not run.relaxation:
         return
-    age, course = age_of(time), run.growth.at(np.array([time]), 0.0)
+    age, course = age_of(time), run.growth.at(np.array([time]), moment.dt)
     parts = 1 - np.exp(-run.relaxation.rates(age) * (age_of(time + duration) - age))
-    _take(moment, run.growth.body(moment.base, time))
-    moment.work.energy[0] += relax(
-        moment.base,
-        moment.body,
-        run.material,
-        _half_a_step_ago(moment),
-        course.growth[0],
-        float(course.thickening[0]),
-        parts[run.relaxation.law],
-    )
+    _, before = _energies(run, moment, time)
+    thickening = float(course.thickening[0])
+    relax(moment.base, moment.body, moment.work, course.growth[0], thickening, parts[run.relaxation.law])
     moment.body = run.growth.body(moment.base, time)
     renew(moment.work.patches, moment.body)
+    moment.work.energy[0] += before - _energies(run, moment, time)[1]
 
 
 def _half_a_step_ago(moment: Moment) -> FloatArray:

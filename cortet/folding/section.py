@@ -36,6 +36,8 @@ PredictionKind = Literal[
 #: growth per week from 22 weeks on, or growth since then at ages: {22: 0, 30: 0.3, 38: 0.8}
 Amount = Annotated[float, Field(ge=-1e4, le=1e4, allow_inf_nan=False)]
 AtAges = Annotated[dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Positive], Field(min_length=1)]
+#: relaxation time, weeks, or at ages
+Time = Positive | AtAges | Literal["elastic"]
 ByAge = Amount | Annotated[dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Amount], Field(min_length=1)]
 
 
@@ -92,11 +94,11 @@ class Fold(Section):
     """Shear modulus of single regions of the core over that of the cortex, as `core_stiffness` is that of the rest: a
     region by its number, or a set of tetrahedra by its name, as in `core_regions`. How much a region resists a change
     of its volume stays that of the whole body."""
-    core_relaxation: Positive | AtAges | None = None
+    core_relaxation: Time | None = None
     """Of growing: time in which shear stress in the core relaxes, weeks, or at ages, {22: 0.5, 34: 1}: tissue that is
-    pulled grows, as white matter does. null: the core is elastic."""
-    region_relaxation: dict[int | str, Positive | AtAges | None] = {}
-    """The same of single regions of the core, as in `core_regions`; null: elastic."""
+    pulled grows, as white matter does. elastic: it does not. null: that of the model."""
+    region_relaxation: dict[int | str, Time] = {}
+    """The same of single regions of the core, as in `core_regions`."""
     regions: dict[int, Annotated[list[Finite], Field(min_length=3, max_length=3)]] = {}
     """Growth of single regions: value of the field label, then amplitude, rate and latency of a Gompertz law."""
     thickness: Positive | None = None
@@ -233,8 +235,8 @@ class Prediction(Section):
     variants: dict[Annotated[str, Field(pattern="^[a-z][a-z0-9]*$")], dict[str, Any]] = {
         "coarser": {"cell_size": 1.4},
         "turned": {"seed": 1},
-        "softer": {"core_stiffness": 0.1875},
-        "stiffer": {"core_stiffness": 0.125},
+        "softer": {"core_stiffness": 1.25},
+        "stiffer": {"core_stiffness": 0.8},
         "thinner": {"thickness": 1.0},
         "thicker": {"thickness": 1.5},
     }

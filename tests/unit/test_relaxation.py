@@ -37,13 +37,17 @@ def core(mesh: TetMesh) -> Body:
 
 
 def step(body: Body, x: FloatArray, part: float, growth: FloatArray = NOTHING) -> float:
-    return relax(body, body, MATERIAL, x, growth, 0.0, np.full(len(body.cells), part))
+    """Let a body yield; the energy that it had before."""
+    work = workspace(body)
+    before = sum(energies(MATERIAL, Motion(x, np.zeros_like(x)), work, growth, 0.0))
+    relax(body, body, work, growth, 0.0, np.full(len(body.cells), part))
+    return before
 
 
-def elastic_strain(body: Body, x: FloatArray) -> FloatArray:
-    """Logarithm of Fe^T Fe of the first element, half of it."""
-    corners = x[body.cells[0]]
-    f = (corners[1:] - corners[0]).T @ body.gradients[0]
+def elastic_strain(body: Body, x: FloatArray, element: int = 0) -> FloatArray:
+    """Logarithm of Fe^T Fe of an element, half of it."""
+    corners = x[body.cells[element]]
+    f = (corners[1:] - corners[0]).T @ body.gradients[element]
     return np.asarray(np.real(logm(f.T @ f)) / 2)
 
 
@@ -65,17 +69,26 @@ def test_a_held_strain_decays_by_the_exponential_and_its_trace_stays() -> None:
     assert np.linalg.det(body.gradients) == pytest.approx(1 / (6 * body.volumes), rel=1e-12)
 
 
-def test_the_energy_that_is_booked_is_what_the_body_loses() -> None:
+def test_a_body_loses_energy() -> None:
     mesh = ball_mesh(2)
     body = body_of(mesh, UNIT, thickness=0.3)
     body, growth = body._replace(gradients=body.gradients.copy()), np.array([[0.3, -0.1, 0.05]])
     x = mesh.points @ SHEARED.T
-    state = Motion(x, np.zeros_like(x))
-    before = sum(energies(MATERIAL, state, workspace(body), growth, 0.0))
-    booked = step(body, x, 0.2, growth)
-    after = sum(energies(MATERIAL, state, workspace(body), growth, 0.0))
-    assert booked == pytest.approx(before - after, rel=1e-10)
-    assert booked > 0
+    had = [step(body, x, 0.2, growth) for _ in range(4)]
+    assert np.all(np.diff(had) < 0)
+
+
+def test_what_only_one_element_has_stays() -> None:
+    """Where edges have no strain, an element that is deformed against its neighbours does not give in."""
+    mesh = cube_mesh(3, jitter=0.2)
+    body, x = core(mesh), mesh.points.copy()
+    inner = int(np.flatnonzero(np.abs(x - 0.5).max(axis=1) < 0.3)[0])
+    x[inner] += 0.02
+    for _ in range(300):
+        step(body, x, 0.1)
+    own = np.flatnonzero((mesh.cells == inner).any(axis=1))
+    left = [np.linalg.eigvalsh(elastic_strain(body, x, one)).max() for one in own]
+    assert max(left) > 1e-3
 
 
 def test_cortex_does_not_yield() -> None:
@@ -83,7 +96,7 @@ def test_cortex_does_not_yield() -> None:
     body = body_of(mesh, UNIT)._replace(depth=np.full(len(mesh.cells), -1e9))
     body = body._replace(gradients=body.gradients.copy())
     before = body.gradients.copy()
-    assert step(body, mesh.points @ SHEARED.T, 0.2) == pytest.approx(0, abs=1e-15)
+    step(body, mesh.points @ SHEARED.T, 0.2)
     assert body.gradients == pytest.approx(before, abs=1e-12)
 
 
@@ -135,7 +148,7 @@ def test_stretches_and_axes_are_those_of_the_singular_value_decomposition(f: Flo
 
 
 def test_rates_follow_ages_and_regions() -> None:
-    laws = Relaxation(np.array([0, 1, 2]), [0.5, {24.0: 1.0, 28.0: 2.0}, None])
+    laws = Relaxation(np.array([0, 1, 2]), [0.5, {24.0: 1.0, 28.0: 2.0}, "elastic"])
     assert laws.rates(26.0) == pytest.approx([2.0, 1 / 1.5, 0.0])
     assert laws.rates(20.0)[1] == 1.0 and laws.rates(40.0)[1] == 0.5
 
@@ -143,7 +156,7 @@ def test_rates_follow_ages_and_regions() -> None:
 def test_a_core_that_yields_lets_the_cortex_press_less(tmp_path: Path) -> None:
     """Its elastic energy is smaller, what is lost is booked, and in the end all is accounted for."""
     ball, ends = ball_mesh(2, radius=10.0), {}
-    for name, time in (("elastic", None), ("slow", 5.0), ("fast", 0.2)):
+    for name, time in (("elastic", "elastic"), ("slow", 5.0), ("fast", 0.2)):
         fold(ball, tmp_path / name, YIELDS.with_keys(core_relaxation=time))
         ends[name] = read_tsv(tmp_path / name / TABLE).apply(pd.to_numeric, errors="coerce").iloc[-1]
     assert ends["fast"].elastic_energy < ends["slow"].elastic_energy < ends["elastic"].elastic_energy
@@ -155,13 +168,13 @@ def test_a_region_may_stay_elastic() -> None:
     ball = ball_mesh(2, radius=10.0)
     inner = np.linalg.norm(ball.points[ball.cells].mean(axis=1), axis=1) < 4
     mesh = TetMesh(ball.points, ball.cells, cell_data={REGION: np.where(inner, 4, 1)})
-    run = prepared(mesh, YIELDS.with_keys(region_relaxation={4: None}))
+    run = prepared(mesh, YIELDS.with_keys(region_relaxation={4: "elastic"}))
     moment = beginning(run)
     advance_to(run, moment, run.end)
     changed = (moment.base.gradients != run.body.gradients).any(axis=(1, 2))
     own = np.linalg.norm(run.mesh.points[run.body.cells].mean(axis=1), axis=1) < 4
     assert not changed[own].any() and changed[~own].mean() > 0.5
-    for wrong in ({"region_relaxation": {9: 1.0}}, {"core_relaxation": None, "region_relaxation": {9: None}}):
+    for wrong in ({"region_relaxation": {9: 1.0}}, {"core_relaxation": "elastic", "region_relaxation": {9: "elastic"}}):
         with pytest.raises(InputError, match="fold.region_relaxation names 9"):
             prepared(mesh, YIELDS.with_keys(**wrong))
 
