@@ -43,7 +43,7 @@ from cortet.folding.growth import Course
 from cortet.folding.journal import TABLE
 from cortet.folding.kernels import DONE, Motion, Work, advance, workspace
 from cortet.folding.models import course
-from cortet.folding.patches import ROWS, VOLUME
+from cortet.folding.patches import ROWS
 from cortet.folding.section import Settings
 from cortet.folding.stability import longest_step
 from cortet.formats import vtu
@@ -59,11 +59,13 @@ COLUMNS = (
 )
 #: growth at every step: enough that no term of the forces is zero
 _GROWTH = 1e-3
-#: additions, multiplications and divisions per element and step, counted in the source: edges 2 x 9, growth and volumes
-#: 2 x 62, gradients after growth 50, F 45, its cofactors, J and tr B 49, J^(-1/3) 35, stress 43, forces 54, sums 30
-OPERATIONS = 448
-#: bytes per element: rows of growth and volume, then all rows; corners and label in both
-_ELEMENT_BYTES = (ROWS - VOLUME) * 8 + 12 + ROWS * 8 + 12
+#: additions, multiplications and divisions per element and step, counted in the source: edges from a corner 2 x 9,
+#: growth and volumes 2 x 62, gradients after growth 2 x 50, F 2 x 45, its weight 11, cofactors, J and tr B 49, J^(-1/3)
+#: 35, stress 43, that of edges added 72, forces 54, sums 30; and 1.2 edges: sums 50, F 10, stress 127
+OPERATIONS = 626 + 1.2 * 187
+#: bytes per element: all rows twice, corners and label in both; weight and weighted F written and read; six edges; and
+#: of 1.2 edges, five elements, and the stress written and read
+_ELEMENT_BYTES = 2 * (ROWS * 8 + 12) + 2 * 80 + 6 * 8 + 1.2 * (5 * 8 + 2 * 72)
 #: bytes per slot: its node or number four times, volumes and forces written and read
 _SLOT_BYTES = 4 * 4 + 2 * 16 + 2 * 24
 #: bytes per node: positions read three times and written, velocities, contact forces, volume and ratio, offsets, held
@@ -78,7 +80,7 @@ def steps(
 ) -> None:
     """Time some steps on cubes of several sizes."""
     os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # threads that wait do not count as work
-    print(f"{machine()}; {OPERATIONS} operations per element-step")
+    print(f"{machine()}; {OPERATIONS:.0f} operations per element-step")
     table = Table(*COLUMNS)
     rows = [table.add(alone(of_cube, size, count, steps)) for size in cells for count in threads]
     for count in threads:

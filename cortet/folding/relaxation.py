@@ -96,11 +96,11 @@ def _relax(base, body, edges, growth, thickening, parts):  # type: ignore[no-unt
     means = deformations(edges)
     for e in numba.prange(len(parts)):
         if parts[e] > 0:
-            _yield(Body(*base), Body(*body), _sum_of_edges(edges, means, e), growth, thickening, parts[e], e)
+            _yield(Body(*base), Body(*body), _mean_of_edges(edges, means, e), growth, thickening, parts[e], e)
 
 
 @fast
-def _sum_of_edges(edges, means, e):  # type: ignore[no-untyped-def]
+def _mean_of_edges(edges, means, e):  # type: ignore[no-untyped-def]
     """Rows of the mean F of the edges of element e."""
     mean = np.zeros(9)
     for k in range(PER_ELEMENT):

@@ -52,7 +52,7 @@ def test_every_format_holds_the_fields_of_the_case_and_says_where_they_came_from
     assert numbers["least_jacobian"] > 0 and "node_set_area_wall" in meshio.read(ten_nodes).point_data
     assert "*ELSET, ELSET=area_rest" in ten_nodes.with_suffix(".inp").read_text()
     for end, solver in EXPORTS.items():
-        (path,) = study.files(f"*desc-latticeSolver_{end}")
+        (path,) = study.files(f"sub-a*desc-latticeSolver_{end}")
         assert verify(path, solver) == []
         record = json.loads(path.with_name(path.name + ".json").read_text())
         assert record["fields"]["area"]["source"].endswith("surfaces/area.label.gii")

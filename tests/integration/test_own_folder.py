@@ -64,7 +64,7 @@ def test_files_that_are_there_stay(study: Path, capsys: pytest.CaptureFixture[st
 def test_ctrl_c_is_no_failure_and_the_next_run_goes_on(study: Path) -> None:
     settings = yaml.safe_load((study / "config.yaml").read_text()) | {"certify": CONFIG["certify"]}
     (study / "config.yaml").write_text(
-        yaml.safe_dump(settings | {"generate": {"cell_size": [4.0]}, "quality": CONFIG["quality"]})
+        yaml.safe_dump(settings | {"generate": {"cell_size": [2.0]}, "quality": CONFIG["quality"]})
     )
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     command = [*SNAKEMAKE, "meshes", STATUS]
