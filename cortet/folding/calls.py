@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.api.given import SurfaceLike, require_hemisphere, surface
+from cortet.api.given import Later, SurfaceLike, require_hemisphere, surface
 from cortet.api.meshing import Mesh, image, say, tetrahedra
 from cortet.config import load
 from cortet.errors import InputError
@@ -23,7 +23,9 @@ from cortet.meshes import TetMesh, region_names
 if TYPE_CHECKING:
     import pandas as pd
 
-    from cortet.folding.surface_growth import Growth
+    from cortet.folding import surface_growth
+else:
+    pd, surface_growth = Later("pandas"), Later("cortet.folding.surface_growth")
 
 __all__ = ["Folded", "fold", "growth"]
 
@@ -35,11 +37,12 @@ def growth(
     *,
     spheres: tuple[SurfaceLike, SurfaceLike] | None = None,
     smooth: float | None = None,
-) -> tuple[dict[str, NDArray[Any]], Growth]:
+) -> tuple[dict[str, NDArray[Any]], surface_growth.Growth]:
     """How much each spot of a surface has grown by a later age.
 
     Parameters
     ----------
+    early, later : of the same cortex, anything that `mesh` takes
     ages : gestational ages of the two, weeks
     spheres : registered spheres of the two, through which their vertices correspond; None: by their numbers
     smooth : full width at half maximum of the smoothing along the surface, mm; None: as much as noise requires
@@ -51,6 +54,13 @@ def growth(
     Raises
     ------
     InputError : the vertices do not correspond, or the second age is not later
+
+    Examples
+    --------
+    >>> early, later = (cortet.phantom(age, subdivisions=3) for age in (28, 30))
+    >>> fields, found = cortet.growth(early, later, (28, 30))
+    >>> list(fields)
+    ['growth_to_30']
     """
     from cortet.folding.fields import growth_field
     from cortet.folding.surface_growth import measured, through_spheres
@@ -93,6 +103,14 @@ class Folded:
 
         return next(views([series(self.folder / SERIES)[-1][0]], self.hemi))
 
+    def __repr__(self) -> str:
+        last = self.table.iloc[-1]
+        return (
+            f"<Folded: {self.verdict['reason']}\n"
+            f" gyrification index {last.gyrification_index:.3f}, worst q {last.q_max:.3f}\n"
+            f" {self.folder}>"
+        )
+
     def _repr_html_(self) -> str:
         return f"<p>{html.escape(self.verdict['reason'])}</p>{image(self.plot())}"
 
@@ -110,14 +128,25 @@ def fold(
 
     Parameters
     ----------
+    made : a mesh, or its file
     ga : gestational age of the mesh, weeks; None: the age given when it was made, which the sidecar of a file records
     hemi : "L" or "R" for half a brain; None: that of the mesh, or of its sidecar
     folder : gets table and frames, and a run that was killed continues there; None: one that is deleted with the result
     settings : keys of the section `fold`: end, thickness, model, ...
 
+    Returns
+    -------
+    how it ended, its table, and its frames
+
     Raises
     ------
     InputError : the age is unknown, the mesh was made for another age or hemisphere, or it cannot be folded
+
+    Examples
+    --------
+    >>> folded = cortet.fold("x.vtu", end=28.1, progress=False)
+    >>> folded.verdict["outcome"]
+    'folded'
     """
     import pandas as pd
 

@@ -19,12 +19,7 @@ from cortet.errors import InputError
 from cortet.formats.gifti import write_surface
 from cortet.meshes import TetMesh
 
-#: those of the core; a neighbour shows its own
-FUNCTIONS = [
-    name
-    for name in cortet.__all__
-    if inspect.isfunction(call := getattr(cortet, name)) and ".folding." not in call.__module__
-]
+FUNCTIONS = [name for name in cortet.__all__ if inspect.isfunction(getattr(cortet, name))]
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +37,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_dir_holds_what_is_public_and_nothing_else() -> None:
     assert dir(cortet) == sorted([*cortet.__all__, "__version__"])
-    assert {"read", "phantom", "convert", "improve"} <= set(FUNCTIONS)
+    assert {"read", "phantom", "convert", "improve", "fold", "growth"} <= set(FUNCTIONS)
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -69,6 +64,12 @@ def test_types_of_a_mesh_are_known() -> None:
     for name, method in inspect.getmembers(cortet.Mesh, inspect.isfunction):
         if not name.startswith("_"):
             typing.get_type_hints(method)
+
+
+def test_a_fold_shows_itself_in_three_lines(folder: Path) -> None:
+    folded = cortet.fold(folder / "x.vtu", end=28.1, progress=False)
+    assert repr(folded).startswith("<Folded: folded from 28.00 to 28.10 weeks") and repr(folded).count("\n") == 2
+    assert typing.get_type_hints(cortet.Folded)["folder"] is Path
 
 
 def test_a_mesh_that_was_saved_is_read_with_what_is_known_of_it(folder: Path, tmp_path: Path) -> None:
