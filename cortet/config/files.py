@@ -33,8 +33,8 @@ def load(source: Path | str | Mapping[str, Any]) -> Config:
     try:
         return Config.model_validate(data)
     except ValidationError as error:
-        lines = [_complaint(problem, data) for problem in error.errors(include_url=False)]
-        raise InputError("; ".join(lines), file=place) from None
+        problems = [_complaint(problem, data) for problem in error.errors(include_url=False)]
+        raise InputError("; ".join(_joined(problems)), file=place) from None
 
 
 def render(data: Mapping[str, Any]) -> str:
@@ -131,13 +131,28 @@ def _overlaid(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any
 #: names that pydantic gives to the types of a value; they are not part of a key's name
 _OF_A_UNION = re.compile(r"float$|int$|str$|(dict|list|constrained|literal)\b.*|\[key\]$")
 
+#: how pydantic begins most of its messages
+_WANTED = "Input should be "
 
-def _complaint(problem: Any, data: Mapping[str, Any]) -> str:
-    """One finding of pydantic in the user's words."""
+
+def _joined(problems: list[tuple[str, str]]) -> list[str]:
+    """Complaints, with one for each key: a value that may be of several types has a problem with each of them."""
+    messages: dict[str, list[str]] = {}
+    for about, message in problems:
+        messages.setdefault(about, []).append(message)
+    lines = []
+    for about, several in messages.items():
+        first, *others = dict.fromkeys(several)
+        lines.append(f"{about}{first}" + "".join(f", or {other.removeprefix(_WANTED)}" for other in others))
+    return lines
+
+
+def _complaint(problem: Any, data: Mapping[str, Any]) -> tuple[str, str]:
+    """One finding of pydantic in the user's words: the key with its value, and what is wrong with it."""
     *parents, last = _keys_on_the_way(problem["loc"], data)
     name = ".".join([*parents, last])
     if problem["type"] != "extra_forbidden":
-        return f"{name} = {reprlib.repr(problem['input'])}: {problem['msg'].removeprefix('Value error, ')}"
+        return f"{name} = {reprlib.repr(problem['input'])}: ", problem["msg"].removeprefix("Value error, ")
     model: Any = Config
     for parent in parents:
         model = model.model_fields[parent].annotation
@@ -145,8 +160,8 @@ def _complaint(problem: Any, data: Mapping[str, Any]) -> str:
     for known in (here, list(everywhere)):
         if nearest := difflib.get_close_matches(last, known, n=1, cutoff=0.7):
             suggestion = ".".join([*parents, nearest[0]]) if known is here else everywhere[nearest[0]]
-            return f"unknown key {name}; did you mean {suggestion}?"
-    return f"unknown key {name}; known here: {', '.join(here)}"
+            return f"unknown key {name}; ", f"did you mean {suggestion}?"
+    return f"unknown key {name}; ", f"known here: {', '.join(here)}"
 
 
 def _keys_on_the_way(loc: tuple[str | int, ...], data: Any) -> Iterator[str]:

@@ -158,6 +158,7 @@ def test_published_setting_is_the_papers_and_single_keys_override_it() -> None:
         ({"generate": {"cell_size": [1.0, False]}}, "yes and no"),
         ({"experiments": {"prediction": {"uncertain": ["braingrowth"]}}}, "braingrowth has constants of its own"),
         ({"fold": {"cases": True}}, "fold.cases = True: yes and no"),
+        ({"fold": {"core_relaxation": 0}}, "= 0: Input should be greater than 0, or a valid dictionary, or 'elastic'"),
     ],
 )
 def test_a_bad_key_is_named_with_its_remedy(data: dict[str, object], words: str) -> None:
