@@ -27,6 +27,9 @@ from cortet.solver_files.meshed import cell_size_of, meshed_surface
 from cortet.solver_files.sets import with_regions
 from cortet.solver_files.sidecar import read_sidecar
 
+#: part of the length of a surface by which the box of its mesh may differ from its own
+_ELSEWHERE = 0.25
+
 
 def read(path: str | Path, shape: SurfaceLike | None = None, cell_size: float | None = None) -> Mesh:
     """A mesh from a file of any format, checked against the surface that it fills.
@@ -100,6 +103,7 @@ def improve(
     mesh, filled, source = _filling(made, shape)
     cells = _oriented(mesh, file)
     require_body(mesh, file)
+    _require_one_place(mesh, filled, file)
     data = dict(settings) if isinstance(settings, Mapping) else read_settings(Path(settings)) if settings else {}
     data = {"snap": {"enabled": True}, **data}
     known = made.config.generate.cell_size[0] if isinstance(made, Mesh) else _size(mesh, file)
@@ -152,6 +156,23 @@ def _filling(made: TetMesh | Mesh | str | Path, shape: SurfaceLike | None) -> tu
     else:
         filled = surface(shape)
     return with_regions(mesh, list(filled.inner)) if filled.inner else mesh, filled, named
+
+
+def _require_one_place(mesh: TetMesh, filled: TriSurface, file: Path | None) -> None:
+    """Raise InputError for a mesh in other units or coordinates than its surface, whose boundary cannot be put there.
+
+    The stages would run, and the certificate would advise smaller cells.
+    """
+    box, wanted = (np.array([points.min(0), points.max(0)]) for points in (mesh.points, filled.points))
+    if np.abs(box - wanted).max() > _ELSEWHERE * np.ptp(wanted, axis=0).max():
+        here, there = (
+            " to ".join(f"({', '.join(f'{x:.4g}' for x in corner)})" for corner in corners) for corners in (box, wanted)
+        )
+        raise InputError(
+            f"reaches from {here} mm, and its surface from {there} mm",
+            file=file,
+            remedy="give the mesh in mm, in the coordinates of its surface; or name the surface that it fills",
+        )
 
 
 def _known(found: Mesh, made: TetMesh | Mesh | Path, source: Path | None) -> Mesh:

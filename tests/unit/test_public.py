@@ -115,6 +115,9 @@ def test_what_cannot_be_improved_is_refused(folder: Path) -> None:
     points[made.cells[7, 0]] = points[made.cells[7, 1]]
     with pytest.raises(InputError, match="tetrahedra have no volume, the first is number"):
         cortet.improve(TetMesh(points, made.cells), made.surface)
+    for elsewhere in (made.points / 1000, made.points + 100):
+        with pytest.raises(InputError, match="and its surface from .*give the mesh in mm, in the coordinates of its"):
+            cortet.improve(TetMesh(elsewhere, made.cells), made.surface)
 
 
 def test_the_order_of_nodes_of_other_programs_does_not_matter(folder: Path) -> None:
