@@ -350,6 +350,9 @@ def picture(
             raise InputError("--name is of an array of a field", remedy="add --field FILE")
         draw(read_mesh(file), output, axis=plane, position=position, view=view, regions=region)
         return 0
+    if region or view is not None or (plane, position) != ("y", 0.5):
+        what = "--plane, --position, --view and --region are of a mesh, and --field draws a surface"
+        raise InputError(what, remedy="leave out --field, or the others")
     from cortet.formats.gifti import hemisphere_of, read_fields, read_surface, require_same_hemisphere
 
     surface, fields = read_surface(file), read_fields(field)

@@ -486,6 +486,7 @@ def test_any_map_of_a_surface_is_drawn(folder: Path, capsys: pytest.CaptureFixtu
         assert main(["picture", "x.surf.gii", "--field", field, *words, "-o", "no.png"]) == 1
         assert said in capsys.readouterr().err
     assert main(["picture", "x.vtu", "--name", "height", "-o", "no.png"]) == 1
+    assert main(["picture", "x.surf.gii", "--field", "m.func.gii", "--plane", "x", "-o", "no.png"]) == 1
     assert not Path("no.png").exists()
 
 
