@@ -147,7 +147,7 @@ def _formats(_: object, tokens: Sequence[Token]) -> list[str]:
     """Names of formats, from their names or the ends of their files, with commas between."""
     known = {form.suffix[1:]: name for name, form in FORMATS.items()} | {name: name for name in FORMATS}
     words = [word.strip().removeprefix(".") for token in tokens for word in token.value.split(",")]
-    if unknown := next((word for word in words if word not in known), None):
+    if (unknown := next((word for word in words if word not in known), None)) is not None:
         raise ValueError(
             f"{unknown!r} is no format; there are {', '.join(form.suffix[1:] for form in FORMATS.values())}"
         )
