@@ -122,6 +122,8 @@ def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> l
     ------
     InputError : lists the problems of the sheet, each with its line, column, value and remedy
     """
+    if not os.path.lexists(path):
+        raise InputError("no such sheet", file=path, remedy=f"make it: cortet cohort scan DATASET -o {path}")
     table, miscounted = read_uneven_tsv(path)
     _check_header(list(table.columns), path)
     found: list[str] = []

@@ -41,6 +41,9 @@ def test_a_prepared_folder_runs_and_swallows_no_target(study: Path) -> None:
     assert "  sub-a_hemi-L: repair, gate" in done.stdout and "cohort_page" in done.stdout
     done = snakemake(study, "--dry-run", "meshes", "dataset_description")
     assert "cohort_page" not in done.stdout and "dataset_description" in done.stdout, done.stdout + done.stderr
+    (study / "cohort.tsv").unlink()
+    done = snakemake(study, "--dry-run")
+    assert "no such sheet (make it: cortet cohort scan DATASET -o cohort.tsv)" in done.stdout + done.stderr
 
 
 def test_the_named_snakefile_takes_its_configuration_from_the_command(
