@@ -53,7 +53,16 @@ def test_neither_the_package_nor_a_job_loads_the_library_of_the_command() -> Non
 
 
 @pytest.mark.parametrize(
-    "arguments", [[], ["mesh"], ["mesh", "x.gii"], ["phantom", "--ga", "old", "-o", "x"], ["cohort"], ["unknown"]]
+    "arguments",
+    [
+        [],
+        ["mesh"],
+        ["mesh", "x.gii"],
+        ["phantom", "--ga", "old", "-o", "x"],
+        ["run", "in", "out", "--formats", "vtu,,inp"],
+        ["cohort"],
+        ["unknown"],
+    ],
 )
 def test_wrong_usage_exits_with_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stopped:
