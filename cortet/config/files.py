@@ -160,8 +160,8 @@ def _complaint(problem: Any, data: Mapping[str, Any]) -> tuple[str, str]:
     for known in (here, list(everywhere)):
         if nearest := difflib.get_close_matches(last, known, n=1, cutoff=0.7):
             suggestion = ".".join([*parents, nearest[0]]) if known is here else everywhere[nearest[0]]
-            return f"unknown key {name}; ", f"did you mean {suggestion}?"
-    return f"unknown key {name}; ", f"known here: {', '.join(here)}"
+            return f"unknown key {name}; did you mean {suggestion}?", ""
+    return f"unknown key {name}; known here: {', '.join(here)}", ""
 
 
 def _keys_on_the_way(loc: tuple[str | int, ...], data: Any) -> Iterator[str]:
