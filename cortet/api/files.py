@@ -114,7 +114,7 @@ def improve(
     tell = progress if callable(progress) else _told if progress else lambda _: None
     case = file.name.partition(".")[0] if file else ""
     found = improved(bare, filled, config, cell_size=size, source=source, case=case, progress=tell)
-    return _known(Mesh(*found, config=config), Path(made) if isinstance(made, str | Path) else made, source)
+    return _known(Mesh(*found, config=config), made if isinstance(made, TetMesh | Mesh) else Path(made), source)
 
 
 def convert(source: str | Path, target: str | Path, *, force: bool = False) -> list[str]:

@@ -175,9 +175,7 @@ def run(
     settings = configured.settings()
     selection = app.Selection(participant_label, session_label, hemi)
     if pial:
-        settings = with_keys(
-            settings, "cohort", scan=with_keys(settings.get("cohort") or {}, "scan", pial=True)["scan"]
-        )
+        settings = with_keys(settings, "cohort", **with_keys(settings.get("cohort") or {}, "scan", pial=True))
     if formats:
         settings = with_keys(settings, "export", formats=formats)
     if fold:

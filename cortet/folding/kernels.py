@@ -1,4 +1,4 @@
-"""One step in time, in compiled loops: over patches of elements, over nodes, over patches again, over nodes again.
+"""One step in time, in compiled loops: over patches of elements, nodes, edges, patches again, and nodes again.
 
 No loop adds to what another iteration writes: see `patches`. Loops run over blocks of fixed size, so the code that the
 compiler makes for the end of a block cannot depend on the number of threads: the bits are the same for any number.

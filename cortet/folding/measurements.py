@@ -38,7 +38,7 @@ COLUMNS = (
     ),
     Column("min_j", "Smallest determinant of the elastic deformation gradient in any step since the row before"),
     Column("inverted", "Number of tetrahedra where it is not positive"),
-    Column("degenerate", "Times that a tetrahedron had a stretch below 0.1, all steps so far"),
+    Column("degenerate", "Times that a tetrahedron or an edge had a stretch below 0.1, all steps so far"),
     Column("q_max", "Largest q = 1 - sqrt(2) 6V / l_rms^3 of the deformed tetrahedra"),
     Column("gyrification_index", "Area of the surface over that of its convex hull"),
     Column(

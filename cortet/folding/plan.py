@@ -96,10 +96,7 @@ class Folds:
     def surfaces_of_runs(self) -> dict[tuple[str, float], dict[str, str]]:
         """Files of the folded cortex of each requested fold, by its verdict file and week."""
         return {
-            (verdict, week): {
-                name: str(Path(verdict).with_name(Path(pattern).name.format(case=run["case"])))
-                for name, pattern in self.surfaces(week).items()
-            }
+            (verdict, week): _beside(verdict, self.surfaces(week), run["case"])
             for verdict, run in self.runs().items()
             for week in self.weeks(run["case"], run["variant"])
         }
@@ -127,10 +124,6 @@ class Folds:
             ):
                 continue
             for week in self.weeks(case.name, run["variant"]):
-                files = {
-                    name: str(Path(verdict).with_name(Path(pattern).name.format(case=case.name)))
-                    for name, pattern in self.common(week).items()
-                }
                 row = {
                     "case": case.name,
                     "variant": run["variant"] or USUAL,
@@ -139,7 +132,9 @@ class Folds:
                     "scan_age": case.scan_age,
                     **case.extra,
                 }
-                found.setdefault((case.hemi or "LR", week), []).append({**row, "files": files})
+                found.setdefault((case.hemi or "LR", week), []).append(
+                    {**row, "files": _beside(verdict, self.common(week), case.name)}
+                )
         return dict(sorted(found.items()))
 
     def population_files(self, hemi: str, week: float) -> dict[str, str]:
@@ -335,3 +330,8 @@ def folded(cases: Sequence[Case], which: Cases | None) -> list[Case]:
             remedy="give the age in column scan_age of the cohort sheet, gestational weeks, or do not fold the case",
         )
     return asked
+
+
+def _beside(verdict: str, patterns: Mapping[str, str], case: str) -> dict[str, str]:
+    """Files of a case beside its verdict, from patterns of their names."""
+    return {name: str(Path(verdict).with_name(Path(one).name.format(case=case))) for name, one in patterns.items()}

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+from cortet.geometry.remembering import once_per_object
 from cortet.meshes import FloatArray, IntArray, TetMesh
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 #: a point with no barycentric weight below this lies in a tetrahedron; rounding must not lose points of faces
 _INSIDE = -1e-9
@@ -23,12 +29,7 @@ def containing(mesh: TetMesh, points: FloatArray) -> tuple[IntArray, FloatArray]
     -------
     (k,) int32, -1 for a point outside the mesh; and (k, 4), sum 1, zero outside
     """
-    from scipy.spatial import cKDTree
-
-    corners = mesh.points[mesh.cells]
-    centres = corners.mean(axis=1)
-    reach = float(np.linalg.norm(corners - centres[:, None], axis=2).max())
-    tree = cKDTree(centres)
+    corners, centres, tree, reach = _tree_of(mesh)
     cells, weights = np.full(len(points), -1, np.int32), np.zeros((len(points), 4))
     left, tried, count = np.arange(len(points)), 0, _FIRST
     while len(left) and tried < len(centres):
@@ -43,6 +44,16 @@ def containing(mesh: TetMesh, points: FloatArray) -> tuple[IntArray, FloatArray]
             found[at[inside]] = True
         left, tried, count = left[~found & (distances[:, -1] <= reach)], count, 2 * count
     return cells, weights
+
+
+@once_per_object
+def _tree_of(mesh: TetMesh) -> tuple[FloatArray, FloatArray, cKDTree, float]:
+    """Corners of tetrahedra (m, 4, 3), centres (m, 3), a tree of these, and the largest distance between both."""
+    from scipy.spatial import cKDTree
+
+    corners = mesh.points[mesh.cells]
+    centres = corners.mean(axis=1)
+    return corners, centres, cKDTree(centres), float(np.linalg.norm(corners - centres[:, None], axis=2).max())
 
 
 def _barycentric(corners: FloatArray, points: FloatArray) -> FloatArray:
