@@ -197,9 +197,6 @@ def mesh_surface(
     Parameters are those of `run`. The certificate of `case` identifies `source` by its hash; `progress` is called after
     every stage.
     """
-    parameters, reports = {}, {}
-    facts = {"cell_size": config.generate.cell_size[0]}
-    mesh: TriSurface | TetMesh = surface
     line = run(
         surface,
         config,
@@ -210,23 +207,26 @@ def mesh_surface(
         sphere=sphere,
         sphere_source=sphere_source,
     )
+    native = placed(surface, config.placement())
+    size = config.generate.cell_size[0]
+    return _certified(line, config, progress, cell_size=size, native=native, case=case, source=source)
+
+
+def _certified(
+    line: Iterable[Step], config: Config, progress: Callable[[Step], None], *, cell_size: float, **of: Any
+) -> Meshed:
+    """The mesh at the end of a line with its certificate, which records each stage; `of` goes to `certify`."""
+    parameters, reports = {}, {}
     for step in line:
         progress(step)
         parameters[step.stage], reports[step.stage] = step.parameters, step.report
-        mesh, meshed = step.result, step.surface
+        mesh, surface = step.result, step.surface
     assert isinstance(mesh, TetMesh)  # the line ends with solver_ready
+    parameters["certify"] = config.record("certify", {"cell_size": cell_size})
     certificate = certify(
-        mesh,
-        meshed,
-        config.certify,
-        **facts,
-        native=placed(surface, config.placement()),
-        case=case,
-        source=source,
-        parameters={**parameters, "certify": config.record("certify", facts)},
-        reports=reports,
+        mesh, surface, config.certify, cell_size=cell_size, parameters=parameters, reports=reports, **of
     )
-    return Meshed(mesh, certificate, meshed)
+    return Meshed(mesh, certificate, surface)
 
 
 def improve(
@@ -261,28 +261,20 @@ def improve(
         "source": str(source) if source is not None else None,
         "nested": bool(surface.inner),
     }
-    latest: dict[str, Any] = {"mesh": mesh, "surface": surface}
-    parameters, reports = {}, {}
-    for stage in config.line(nested=bool(surface.inner), aged=False):
-        if stage.gives == "mesh" and stage.order > STAGES["transfer"].order:
-            began = time.perf_counter()
-            latest["mesh"], report = stage.run(
-                *(latest[kind] for kind in stage.takes), **config.arguments(stage.name, facts)
-            )
-            parameters[stage.name], reports[stage.name] = config.record(stage.name, facts), asdict(report)
-            seconds = time.perf_counter() - began
-            progress(Step(stage.name, latest["mesh"], surface, parameters[stage.name], reports[stage.name], seconds))
-    certificate = certify(
-        latest["mesh"],
-        surface,
-        config.certify,
-        cell_size=cell_size,
-        case=case,
-        source=source,
-        parameters={**parameters, "certify": config.record("certify", facts)},
-        reports=reports,
-    )
-    return Meshed(latest["mesh"], certificate, surface)
+
+    def line() -> Iterator[Step]:
+        latest: dict[str, Any] = {"mesh": mesh, "surface": surface}
+        for stage in config.line(nested=bool(surface.inner), aged=False):
+            if stage.gives == "mesh" and stage.order > STAGES["transfer"].order:
+                began = time.perf_counter()
+                taken = [latest[kind] for kind in stage.takes]
+                latest["mesh"], report = stage.run(*taken, **config.arguments(stage.name, facts))
+                seconds = time.perf_counter() - began
+                yield Step(
+                    stage.name, latest["mesh"], surface, config.record(stage.name, facts), asdict(report), seconds
+                )
+
+    return _certified(line(), config, progress, cell_size=cell_size, case=case, source=source)
 
 
 def with_sets(

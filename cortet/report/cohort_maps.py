@@ -13,8 +13,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from matplotlib.cm import ScalarMappable
-from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -25,9 +23,9 @@ from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.interpolation import at_triangles, is_label
 from cortet.geometry.spheres import same_triangles
 from cortet.geometry.topology import boundary_surface
-from cortet.meshes import FloatArray, TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.report.figures import PAGE, drawn, letter, save
-from cortet.report.render import surface_view
+from cortet.report.surface_maps import map_view, usual_range
 from cortet.stages.transfer import THICKNESS, with_thickness
 
 VERSION: int = 3
@@ -38,6 +36,8 @@ DISTANCE = "distance_to_boundary"
 _LABELS = {DISTANCE: "distance to the boundary (mm)", THICKNESS: "thickness (mm)"}
 #: percent of the vertices that the range of colours leaves out at either end
 _TAIL = 1.0
+#: width and height of a picture, pixels
+_SIZE = (900, 675)
 _SIDES: tuple[Literal["L", "R"], ...] = ("L", "R")
 
 
@@ -100,24 +100,16 @@ def maps_figure(mean: TriSurface) -> Figure:
     with drawn(PAGE, 2.6 * len(shown)) as figure:
         axes = figure.subplots(len(shown), len(_SIDES), squeeze=False)
         for row, (name, values) in zip(axes, shown.items(), strict=True):
-            low, high = np.percentile(values, [_TAIL, 100 - _TAIL])
-            high = max(high, low + 1e-6)
+            limits = usual_range(values, _TAIL)
             for axis, side in zip(row, _SIDES, strict=True):
-                image = surface_view(
-                    mean, side=side, distances=_of_faces(mean, values), lowest=low, darkest=high, colours="viridis"
-                )
+                image, colours = map_view(mean, values, side, limits, size=_SIZE)
                 axis.imshow(image, interpolation="antialiased")
                 axis.set_axis_off()
                 axis.set_title(f"from the {'left' if side == 'L' else 'right'}")
-            bar = figure.colorbar(ScalarMappable(Normalize(low, high), "viridis"), ax=row, shrink=0.6, extend="both")
+            bar = figure.colorbar(colours, ax=row, shrink=0.6, extend="both")
             bar.set_label(_LABELS.get(name, name.replace("_", " ")))
         letter(axes[:, 0])
     return figure
-
-
-def _of_faces(surface: TriSurface, values: NDArray[Any]) -> FloatArray:
-    means: FloatArray = values[surface.faces].mean(axis=1)
-    return means
 
 
 def write_maps(

@@ -21,10 +21,10 @@ VERSION: int = 1
 _TAIL = 2.0
 
 
-def usual_range(values: NDArray[Any]) -> tuple[float, float]:
-    """The range of colours of values: without their tails, and never empty."""
+def usual_range(values: NDArray[Any], tail: float = _TAIL) -> tuple[float, float]:
+    """The range of colours of values: without their tails, so many percent at either end, and never empty."""
     known = values[np.isfinite(values)]
-    low, high = np.percentile(known, [_TAIL, 100 - _TAIL]) if len(known) else (0.0, 1.0)
+    low, high = np.percentile(known, [tail, 100 - tail]) if len(known) else (0.0, 1.0)
     return float(low), max(float(high), float(low) + 1e-6)
 
 
@@ -34,13 +34,12 @@ def map_view(
     side: Literal["L", "R"],
     limits: tuple[float, float],
     colours: str | Colormap = "viridis",
+    size: tuple[int, int] = (450, 340),
 ) -> tuple[NDArray[np.uint8], ScalarMappable]:
     """A picture of values (v,) from one side, as `surface_view`, and its colours; NaN has the lowest."""
     low, high = limits
     of_faces = np.nan_to_num(values.astype(np.float64), nan=low)[surface.faces].mean(axis=1)
-    image = surface_view(
-        surface, side=side, size=(450, 340), distances=of_faces, lowest=low, darkest=high, colours=colours
-    )
+    image = surface_view(surface, side=side, size=size, distances=of_faces, lowest=low, darkest=high, colours=colours)
     return image, ScalarMappable(Normalize(low, high), colours)
 
 
