@@ -42,8 +42,8 @@ from cortet.meshes import FloatArray, IntArray
 _PAIRS = np.array([(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)])
 #: number of edges of a tetrahedron
 PER_ELEMENT = len(_PAIRS)
-#: numbers of an element that edges need: its weight, and F times it
-WEIGHTED = 10
+#: numbers of an element that edges need, and of an edge that elements need: one, and a tensor
+TEN = 10
 
 
 class Edges(NamedTuple):
@@ -54,7 +54,7 @@ class Edges(NamedTuple):
     #: elements around edge i: around[starts[i]:starts[i + 1]]
     starts: NDArray[np.int64]
     around: NDArray[np.int64]
-    #: (10 m,), weight of each element and F times it; (9 d,), stress of each edge
+    #: (10 m,), weight of each element and F times it; (10 d,), nothing and the stress of each edge
     weighted: FloatArray
     stress: FloatArray
 
@@ -72,29 +72,35 @@ def edges_of(cells: IntArray, *, smoothed: bool = True) -> Edges:
         of_element=ids,
         starts=np.append(0, np.cumsum(np.bincount(ids))),
         around=np.argsort(ids, kind="stable") // PER_ELEMENT,
-        weighted=np.zeros(len(cells) * WEIGHTED),
-        stress=np.zeros(len(first) * 9),
+        weighted=np.zeros(len(cells) * TEN),
+        stress=np.zeros(len(first) * TEN),
     )
 
 
 @inlined
-def sum_of_edge(edges, i):  # type: ignore[no-untyped-def]
+def _summed(values, places, first, last):  # type: ignore[no-untyped-def]
+    """Sum of the ten numbers at each of places[first:last]."""
+    w, a, b, c, d, e, f, g, h, k = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for at in range(first, last):
+        t = places[at] * TEN  # one index into a flat array is faster than two
+        w += values[t]
+        a += values[t + 1]
+        b += values[t + 2]
+        c += values[t + 3]
+        d += values[t + 4]
+        e += values[t + 5]
+        f += values[t + 6]
+        g += values[t + 7]
+        h += values[t + 8]
+        k += values[t + 9]
+    return w, a, b, c, d, e, f, g, h, k
+
+
+@inlined
+def _sum_of_edge(edges, i):  # type: ignore[no-untyped-def]
     """Weight of edge i, and the nine components of F there times it."""
     _of_element, starts, around, weighted, _stress = edges
-    w, a, b, c, d, e, f, g, h, k = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for at in range(starts[i], starts[i + 1]):
-        t = around[at] * WEIGHTED  # one index into a flat array is faster than two
-        w += weighted[t]
-        a += weighted[t + 1]
-        b += weighted[t + 2]
-        c += weighted[t + 3]
-        d += weighted[t + 4]
-        e += weighted[t + 5]
-        f += weighted[t + 6]
-        g += weighted[t + 7]
-        h += weighted[t + 8]
-        k += weighted[t + 9]
-    return w, a, b, c, d, e, f, g, h, k
+    return _summed(weighted, around, starts[i], starts[i + 1])
 
 
 @numba.njit(parallel=True, cache=True, error_model="numpy")
@@ -102,7 +108,7 @@ def deformations(edges):  # type: ignore[no-untyped-def]
     """F of each edge (d, 9) at the positions for which `kernels.energies` ran last; `edges` is a tuple of `Edges`."""
     found = np.empty((len(edges[1]) - 1, 9))
     for i in numba.prange(len(found)):
-        w, a, b, c, d, e, f, g, h, k = sum_of_edge(edges, i)
+        w, a, b, c, d, e, f, g, h, k = _sum_of_edge(edges, i)
         found[i] = np.array((a, b, c, d, e, f, g, h, k)) / w
     return found
 
@@ -111,7 +117,7 @@ def deformations(edges):  # type: ignore[no-untyped-def]
 def _sum_edges(first, last, edges, rows):  # type: ignore[no-untyped-def]
     """Write weight and weighted F of a block of at most SIZE edges to rows, as those of elements are."""
     for i in range(first, last):
-        w, a, b, c, d, e, f, g, h, k = sum_of_edge(edges, i)
+        w, a, b, c, d, e, f, g, h, k = _sum_of_edge(edges, i)
         rows[MEAN * SIZE + i - first] = w
         put_tensor(rows, EDGES, i - first, (a, b, c), (d, e, f), (g, h, k))
 
@@ -139,7 +145,7 @@ def stress_edges(first, last, edges, part, rows):  # type: ignore[no-untyped-def
         if may_be_degenerate(rows[J * SIZE + o], rows[GROWN * SIZE + o]):
             degenerate += _open(rows, o, part)
         for k in range(9):
-            stresses[i * 9 + k] = rows[(SMOOTHED + k) * SIZE + o]
+            stresses[i * TEN + 1 + k] = rows[(SMOOTHED + k) * SIZE + o]
     return degenerate
 
 
@@ -173,7 +179,7 @@ def put_weighted(patch, elements, edges, rows):  # type: ignore[no-untyped-def]
     """Write weight and weighted F of the elements of a patch, from its rows, to where edges find them."""
     weighted, first = edges[3], patch * SIZE
     for e in range(min(SIZE, elements - first)):
-        t = (first + e) * WEIGHTED
+        t = (first + e) * TEN
         weighted[t] = rows[MEAN * SIZE + e]
         for k in range(9):
             weighted[t + 1 + k] = rows[(EDGES + k) * SIZE + e]
@@ -184,19 +190,8 @@ def add_edges(patch, count, edges, rows):  # type: ignore[no-untyped-def]
     """Write the sum of the stresses of the six edges of each element of a patch to its rows."""
     of_element, _starts, _around, _weighted, stresses = edges
     for e in range(count):
-        a, b, c, d, f, g, h, i, j = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         first = (patch * SIZE + e) * PER_ELEMENT
-        for k in range(first, first + PER_ELEMENT):
-            t = of_element[k] * 9
-            a += stresses[t]
-            b += stresses[t + 1]
-            c += stresses[t + 2]
-            d += stresses[t + 3]
-            f += stresses[t + 4]
-            g += stresses[t + 5]
-            h += stresses[t + 6]
-            i += stresses[t + 7]
-            j += stresses[t + 8]
+        _, a, b, c, d, f, g, h, i, j = _summed(stresses, of_element, first, first + PER_ELEMENT)
         put_tensor(rows, SMOOTHED, e, (a, b, c), (d, f, g), (h, i, j))
 
 
