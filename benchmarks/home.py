@@ -18,27 +18,11 @@ import time
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse.linalg import lsqr
 from scipy.special import sph_harm_y
 
 import cortet
 from cortet.errors import CortetError
 from cortet.geometry.topology import boundary_nodes
-from cortet.solver_files.surface_map import SurfaceMap
-
-
-def fitted(found: SurfaceMap, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values of nodes (n,) that come back to values of vertices (v,) best, by least squares; linear fields are exact.
-
-    The linear part is interpolated, and only the rest is fitted.
-    """
-    known = np.isfinite(found.points).all(axis=1)
-    of_vertices = np.column_stack([found.native.points, np.ones(len(values))])
-    linear = np.linalg.lstsq(of_vertices[known], values[known])[0]
-    nodes = np.column_stack([found.mesh.points, np.ones(len(found.mesh.points))]) @ linear
-    rest = lsqr(found.to_surface[known], (values - of_vertices @ linear)[known], atol=1e-8, btol=1e-8, iter_lim=200)[0]
-    return nodes + rest
 
 
 def main() -> None:
@@ -69,7 +53,7 @@ def main() -> None:
         x, y, z = (given - given.mean(axis=0)).T
         field = sph_harm_y(8, 4, np.arccos(z / np.sqrt(x * x + y * y + z * z)), np.arctan2(y, x)).real
         back = made.to_surface(made.from_surface(field)) - field
-        best = made.to_surface(fitted(found, field)) - field
+        best = made.to_surface(made.from_surface(field, fit=True)) - field
         harmonic, least = (np.sqrt(np.nanmean(one**2) / (field**2).mean()) for one in (back, best))
         size = sum(
             one.data.nbytes + one.indices.nbytes + one.indptr.nbytes for one in (found.to_surface, found.from_surface)

@@ -147,15 +147,28 @@ class Mesh:
         """
         return self.surface_map(region).on_surface(np.asarray(values), depth)
 
-    def from_surface(self, values: ArrayLike, *, region: str | None = None) -> NDArray[Any]:
-        """Values of the given surface, (v,) or (v, k), at the nodes: (n,) or (n, k), NaN inside. As `to_surface`."""
+    def from_surface(self, values: ArrayLike, *, fit: bool = False, region: str | None = None) -> NDArray[Any]:
+        """Values of the given surface, (v,) or (v, k), at the nodes: (n,) or (n, k), NaN inside.
+
+        Parameters
+        ----------
+        values : numbers; integers are labels, which are never averaged
+        fit : False: a node of the boundary gets the value of the surface where it lies. True: nodes get the values from
+            which `to_surface` brings `values` back best, by least squares; they may exceed the largest value. Both are
+            exact for linear functions of x, y and z.
+        region : inside which surface, as in `to_surface`
+
+        Raises
+        ------
+        InputError : there is another number of values, no such surface, or labels are to be fitted
+        """
         found, given = self.surface_map(region), np.asarray(values)
         if len(given) != found.from_surface.shape[1]:
             raise InputError(
                 f"{len(given):,} values for a surface of {found.from_surface.shape[1]:,} vertices",
                 remedy="give one for each vertex of the surface as it was given",
             )
-        return applied(found.from_surface, given)
+        return found.fitted(given) if fit else applied(found.from_surface, given)
 
     def surface_map(self, region: str | None = None) -> SurfaceMap:
         """How the nodes and the vertices of a given surface belong together, as sparse matrices.

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
+from scipy.sparse.linalg import lsqr
 
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
@@ -42,6 +43,8 @@ Depth = Millimetres | tuple[Millimetres, Millimetres]
 _FAR_MM = 5.0
 #: points at which a range of depths is sampled
 _SAMPLES = 10
+#: relative errors at which a fit of values of nodes ends, and its most rounds
+_FIT: Mapping[str, Any] = {"atol": 1e-8, "btol": 1e-8, "iter_lim": 200}
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +125,29 @@ class SurfaceMap:
     def on_surface(self, values: NDArray[Any], depth: Depth | None = None) -> NDArray[Any]:
         """Values of the mesh at the vertices of the native surface: (v,) or (v, k), as `Mesh.to_surface`."""
         return applied(self.matrix(depth), self.at_nodes(values))
+
+    def fitted(self, values: NDArray[Any]) -> FloatArray:
+        """Values of the native surface, (v,) or (v, k), at the nodes: those that `on_surface` brings back best.
+
+        Least squares fit what no linear function explains, from the interpolated values on. Linear functions stay
+        exact. A node is NaN where interpolation has no value.
+
+        Raises
+        ------
+        InputError : the values are labels
+        """
+        if is_label(values):
+            raise InputError("integers are labels, which nothing fits", remedy="give numbers, or do without fit")
+        columns = values.reshape(len(values), -1).astype(np.float64)
+        known = np.isfinite(self.points).all(axis=1) & np.isfinite(columns).all(axis=1)
+        there, nodes = (np.column_stack([places, np.ones(len(places))]) for places in (self.points, self.mesh.points))
+        linear = np.linalg.lstsq(there[known], columns[known])[0]
+        rest = columns - there @ linear
+        first = applied(self.from_surface, rest)
+        for place, column in enumerate(rest.T):
+            begin = np.nan_to_num(first[:, place])
+            first[:, place] += lsqr(self.to_surface[known], column[known], x0=begin, **_FIT)[0] - begin
+        return np.asarray(first + nodes @ linear).reshape(len(nodes), *values.shape[1:])
 
     def at_nodes(self, values: NDArray[Any]) -> NDArray[Any]:
         """Values of nodes as they are, those of tetrahedra as means of those around each node.

@@ -57,6 +57,34 @@ def test_there_and_back_changes_little(made: cortet.Mesh, ball: TriSurface) -> N
     assert made.to_surface(made.from_surface(np.ones(len(ball.points)))) == pytest.approx(1, abs=1e-12)
 
 
+def test_a_fit_comes_back_closer_and_keeps_linear_functions(made: cortet.Mesh, ball: TriSurface) -> None:
+    """Interpolation on faces inside a sphere errs to one side, by about l (l + 1) a^2 / (16 r^2) for degree l."""
+    x, _, z = ball.points.T / RADIUS
+    smooth = np.column_stack([35 * z**4 - 30 * z**2 + 3, x**3 - 3 * x * z**2])  # harmonics of degree 4 and 3
+    interpolated, fitted = (made.from_surface(smooth, fit=fit) for fit in (False, True))
+    assert fitted.shape == (len(made.points), 2)
+    assert np.array_equal(np.isnan(fitted), np.isnan(interpolated))
+    errors = [np.sqrt(((made.to_surface(found) - smooth) ** 2).mean(axis=0)) for found in (interpolated, fitted)]
+    assert (errors[1] < 0.55 * errors[0]).all()
+    nodes = boundary_nodes(made.mesh)
+    assert np.abs(made.from_surface(ball.points, fit=True)[nodes] - made.points[nodes]).max() < EXACT
+    linear = made.from_surface(ball.points @ [1, 2, 3] + 4, fit=True)[nodes]
+    assert np.abs(linear - (made.points[nodes] @ [1, 2, 3] + 4)).max() < EXACT
+
+
+def test_a_fit_ignores_unknown_values_and_refuses_labels(made: cortet.Mesh, ball: TriSurface) -> None:
+    heights = ball.points[:, 2].copy()
+    heights[0] = np.nan
+    nodes = boundary_nodes(made.mesh)
+    found, expected = made.from_surface(heights, fit=True)[nodes], made.points[nodes, 2]
+    known = np.isfinite(made.from_surface(heights)[nodes])
+    assert not known.all() and np.array_equal(np.isfinite(found), known)
+    assert np.abs(found - expected)[known].max() < EXACT
+    assert np.isnan(made.from_surface(np.full(len(heights), np.nan), fit=True)).all()
+    with pytest.raises(InputError, match="integers are labels, which nothing fits"):
+        made.from_surface(np.arange(len(heights)), fit=True)
+
+
 def test_values_of_elements_go_through_nodes_by_volume(made: cortet.Mesh, ball: TriSurface) -> None:
     assert made.to_surface(np.full((len(made.cells), 2), 3.0)) == pytest.approx(np.full((len(ball.points), 2), 3.0))
     heights = made.points[made.cells].mean(axis=1)[:, 2]
