@@ -28,6 +28,8 @@ from cortet.solver_files.surface_map import Depth, SurfaceMap, applied
 _UNITS = {**UNITS, "cm": 10.0}
 #: largest difference of the ratio of two extents from that of two units
 _SAME_EXTENT = 1e-3
+#: rounding of coordinates in files, over the extent of the mesh
+_ROUNDED = 1e-5
 #: nodes are the same within this share of the shortest edge
 _SAME_NODE = 0.05
 #: rows and columns of the six numbers of a symmetric tensor: xx, yy, zz, xy, yz, xz, as VTK has them
@@ -209,12 +211,15 @@ def on_surface(
 
 
 def _as_it_began(step: Step, mesh: TetMesh) -> Step:
-    """A frame of `cortet fold`, whose nodes are where they moved to, with its nodes where they began."""
+    """A frame of `cortet fold`, whose nodes are where they moved to, with its nodes where they began.
+
+    Solvers name their field alike, and leave the nodes where they were, in any order.
+    """
     moved, found = step.mesh.point_data.get("displacement"), step.mesh
     if moved is None or moved.shape != mesh.points.shape or len(found.points) != len(mesh.points):
         return step
     began = found.points - moved
-    if np.abs(began - mesh.points).max() > np.abs(found.points - mesh.points).max():
+    if np.abs(began - mesh.points).max() > _ROUNDED * np.ptp(mesh.points, axis=0).max():
         return step
     return replace(step, mesh=replace(found, points=began))
 
