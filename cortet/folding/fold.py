@@ -36,6 +36,7 @@ from cortet.folding.journal import (
 )
 from cortet.folding.kernels import Motion
 from cortet.folding.measurements import COLUMNS, Measurements
+from cortet.folding.measures import files_in
 from cortet.folding.mechanics import Mechanics, mechanics
 from cortet.folding.patches import renew
 from cortet.folding.plausible import check_cells, check_mesh
@@ -43,7 +44,7 @@ from cortet.folding.run import advance_to, beginning, described, measured, milli
 from cortet.folding.section import Settings
 from cortet.folding.state import Moment, Run
 from cortet.formats.atomic import write_json
-from cortet.formats.ownership import delete, delete_abandoned
+from cortet.formats.ownership import delete, delete_abandoned, is_ours
 from cortet.formats.tables import write_table
 from cortet.formats.tsv import write_tsv
 from cortet.meshes import TetMesh
@@ -204,14 +205,23 @@ class Journal:
         self.written = -np.inf
 
     def resumed(self, run: Run) -> Moment:
-        """The moment of the last checkpoint, or the beginning; then files of another run in the folder are deleted."""
+        """The moment of the last checkpoint, or the beginning; then files of another run in the folder are deleted.
+
+        Of folded surfaces and their maps those that commands of cortet wrote; jobs of the workflow declare theirs.
+        """
         moment = beginning(run)
         delete_abandoned(self.folder, *FILES)
         delete_abandoned(self.folder / "frames", _FRAMES)
         last = load_checkpoint(self.checkpoint, self.fingerprint)
         if last is None:
-            rest = (self.folder / name for name in (VERDICT, SERIES, CHECKPOINT))
-            delete(*sorted(self.folder.glob(f"frames/{_FRAMES}")), *rest)
+            frames = sorted(self.folder.glob(f"frames/{_FRAMES}"))
+            maps = [path for path in files_in(self.folder) if is_ours(path)]
+            if frames or maps:
+                logger.warning(
+                    "%s: an earlier fold is replaced (frames: %d, surfaces and maps: %d)",
+                    *(self.folder, len(frames), len(maps)),
+                )
+            delete(*frames, *maps, *(self.folder / name for name in (VERDICT, SERIES, CHECKPOINT)))
             return moment
         logger.info("resumed at step %d, time %.3f", last.step, last.time)
         self.rows, self.frames, self.seconds = last.rows, last.frames, last.seconds

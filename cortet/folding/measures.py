@@ -40,6 +40,12 @@ def surface_files(folder: Path, stem: str, week: float | str, kind: str | None =
     return {"surface": folder / f"{begin}_{kind or 'surface'}.surf.gii", **named}
 
 
+def files_in(folder: Path) -> list[Path]:
+    """Files of all weeks of any mesh in a folder."""
+    patterns = surface_files(Path(), "*", "*", "*").values()
+    return sorted({path for pattern in patterns for path in folder.glob(str(pattern))})
+
+
 def weeks_of(surfaces: Sequence[float], start: float, end: float) -> list[float]:
     """The weeks of `fold.surfaces` that a fold reaches, rising."""
     return sorted({week for week in surfaces if start <= week <= end})

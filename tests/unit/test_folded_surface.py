@@ -17,7 +17,7 @@ from cortet.folding.folded_surface import folded_surface, maps_of
 from cortet.folding.growth import time_of
 from cortet.folding.kernels import elastic_forces, nodal_forces
 from cortet.folding.measurements import gaussian_curvature, local_gyrification
-from cortet.folding.measures import MEASURES
+from cortet.folding.measures import MEASURES, files_in, surface_files
 from cortet.folding.mechanics import mechanics
 from cortet.folding.run import advance_to, beginning, measured, prepared
 from cortet.folding.section import Settings
@@ -137,6 +137,23 @@ def test_weeks_that_a_fold_does_not_reach_are_refused(folder: Path, capsys: pyte
     assert main(command) == 1
     assert "28 to 29 weeks, not to 34" in capsys.readouterr().err
     assert not (folder / "later").exists()
+
+
+def test_a_new_fold_deletes_what_an_earlier_one_left_in_its_folder(
+    folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Maps of other weeks, or of another mesh, would pass for its own. Files of the user stay."""
+    command = ["fold", str(folder / "x.vtu"), "-o", str(tmp_path / "again"), "--end"]
+    assert main([*command, "28.2", "--surfaces", "28.2"]) == 0
+    kept = tmp_path / "again/mine_week-28.2_depth.shape.gii"
+    kept.write_bytes((tmp_path / "again/x_week-28.2_depth.shape.gii").read_bytes())
+    assert "replaced" not in caplog.text
+    assert main([*command, "28.1", "--surfaces", "28.1"]) == 0
+    assert f"again: an earlier fold is replaced (frames: 2, surfaces and maps: {len(MEASURES) + 1})" in caplog.text
+    assert {path.name for path in files_in(tmp_path / "again")} == {
+        kept.name,
+        *(path.name for path in surface_files(tmp_path, "x", 28.1).values()),
+    }
 
 
 def test_a_run_without_surfaces_has_no_stress(tmp_path: Path) -> None:
