@@ -250,6 +250,7 @@ rule fold_figures:
         table=rules.fold.output.table,
         series=rules.fold.output.series,
         real=lambda wildcards: [path for path in FOLDS.real_surfaces(wildcards).values() if existing(path)],
+        maps=lambda wildcards: [path for files in FOLDS.pictured(wildcards).values() for path in files],
     output:
         numbers=report(
             FOLDS.fold("folding.svg"),
@@ -279,6 +280,8 @@ rule fold_figures:
     params:
         hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
         files=FOLDS.real_surfaces,
+        maps=FOLDS.pictured,
+        measure=CONFIG.fold.picture,
         input_sha256=lambda wildcards: content(FOLDS.real_surfaces(wildcards)),
         version=version_of("folding.fold_figures"),
     script:

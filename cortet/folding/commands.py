@@ -177,12 +177,15 @@ def fold(
         print,
     )
     print(f"\n{verdict.reason}")
-    for path in draw(output, side, beside):
-        print(f"{path}: drawn")
-    for week, files in homes.items():
-        if home and week <= verdict.gestational_age + SAME_AGE:
+    there = {week: files for week, files in homes.items() if week <= verdict.gestational_age + SAME_AGE}
+    for week, files in there.items():
+        if home:
             write_surfaces(output, week, home[0], files, like=home[1], hemi=side)
             print(f"{files['surface']}: written, with {len(files) - 1} maps")
+    measure = loaded.fold.picture
+    maps = {week: (files["surface"], files[measure]) for week, files in there.items()} if measure else {}
+    for path in draw(output, side, beside, maps, measure):
+        print(f"{path}: drawn")
     return 0 if verdict.outcome == "folded" else 1
 
 

@@ -14,11 +14,15 @@ from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
+from scipy.spatial import cKDTree
 
 from cortet.errors import InputError
 from cortet.folding import real_brains
 from cortet.folding.fold_views import (
+    COLOURS,
+    FOLDS,
     Brain,
+    Colours,
     Image,
     Row,
     bar_length,
@@ -32,12 +36,14 @@ from cortet.folding.fold_views import (
     view,
 )
 from cortet.folding.journal import SERIES, TABLE
+from cortet.folding.measures import MEASURES
 from cortet.formats.atomic import atomic_path
-from cortet.formats.gifti import hemisphere_of
+from cortet.formats.gifti import hemisphere_of, read_fields, read_surface
 from cortet.formats.ownership import delete_abandoned
 from cortet.formats.tsv import read_tsv
 from cortet.report.colours import BLUE, VERMILION
 from cortet.report.figures import PAGE, STYLE, drawn, letter, save
+from cortet.report.surface_maps import usual_range
 
 VERSION: int = 5
 
@@ -73,7 +79,13 @@ _SOURCES = {
 logger = logging.getLogger(__name__)
 
 
-def draw(folder: Path, hemisphere: str | None, real: Mapping[float, Path] | None = None) -> list[Path]:
+def draw(
+    folder: Path,
+    hemisphere: str | None,
+    real: Mapping[float, Path] | None = None,
+    maps: Mapping[float, tuple[Path, Path]] | None = None,
+    measure: str | None = None,
+) -> list[Path]:
     """Draw all pictures of the run in a folder; returns their files.
 
     Parameters
@@ -81,6 +93,7 @@ def draw(folder: Path, hemisphere: str | None, real: Mapping[float, Path] | None
     hemisphere : "L" or "R" is filmed from its lateral side; a whole brain (None) from the left
     real : gestational age, weeks -> surface of a real brain, of the same hemisphere, that is drawn beside the frame of
         that age
+    maps, measure : as in `mapped`, instead of folds and real brains in the picture
 
     Raises
     ------
@@ -89,7 +102,11 @@ def draw(folder: Path, hemisphere: str | None, real: Mapping[float, Path] | None
     delete_abandoned(folder, NUMBERS, PICTURE, FILM)
     save(numbers(folder / TABLE, hemisphere), folder / NUMBERS)
     frames = series(folder / SERIES)
-    save(sheet(rows_of(frames, hemisphere, real or {}), hemisphere), folder / PICTURE)
+    if maps and measure:
+        rows, colours = mapped(frames, maps, measure)
+    else:
+        rows, colours = rows_of(frames, hemisphere, real or {}), FOLDS
+    save(sheet(rows, hemisphere, colours), folder / PICTURE)
     film(frames, hemisphere, folder / FILM)
     return [folder / name for name in (NUMBERS, PICTURE, FILM)]
 
@@ -199,6 +216,32 @@ def rows_of(frames: list[tuple[Path, float]], hemisphere: str | None, real: Mapp
             row = row._replace(real=real_brain(real[real_age], hemisphere), name=name)
         rows.append(row)
     return rows
+
+
+def mapped(
+    frames: list[tuple[Path, float]], maps: Mapping[float, tuple[Path, Path]], measure: str
+) -> tuple[list[Row], Colours]:
+    """The brains of some weeks with one of `MEASURES`, and colours of one range for all: 0 is white between two signs.
+
+    Parameters
+    ----------
+    frames : files and gestational ages
+    maps : week -> folded surface, and its map
+    """
+    rows = []
+    for week, (surface, values) in maps.items():
+        frame = min(frames, key=lambda one: abs(one[1] - week))[0]
+        folded, boundary = read_surface(surface), simulated_brain(frame)
+        nearest = cKDTree(boundary.surface.points).query(folded.points)[1]
+        wall = np.isnan(boundary.curvature[nearest])
+        rows.append(Row(week, Brain(folded, np.where(wall, np.nan, next(iter(read_fields(values).values()))))))
+    low, high = usual_range(np.concatenate([row.simulated.curvature for row in rows]))
+    span, name = ((low, high), "viridis")
+    if low < 0 < high:
+        span, name = (-max(-low, high), max(-low, high)), COLOURS
+    unit = MEASURES[measure][1]
+    label = measure.replace("_", " ") + (f" ({unit})" if unit else "")
+    return rows, Colours(label, span, name, "medial wall, or no value")
 
 
 def _every(ages: list[float]) -> list[int]:

@@ -44,11 +44,26 @@ _BARS = (1, 2, 5, 10, 20, 50)
 Image = NDArray[np.uint8]
 
 
+class Colours(NamedTuple):
+    """What the colours of brains mean."""
+
+    #: of the values and their unit
+    label: str
+    #: values at both ends of the colours, and the name of these
+    span: tuple[float, float]
+    name: str
+    #: what grey stands for
+    grey: str
+
+
+FOLDS = Colours("mean curvature (1/mm): sulci blue, gyri red", (-CURVATURE, CURVATURE), COLOURS, _WALL_MEANS)
+
+
 class Brain(NamedTuple):
     """A surface and the folds on it."""
 
     surface: TriSurface
-    #: (n,) 1/mm, smoothed; NaN on the medial wall
+    #: (n,) 1/mm, smoothed, or the values of a map; NaN on the medial wall
     curvature: FloatArray
 
 
@@ -192,7 +207,7 @@ def draw_bar(axis: Axes, place: tuple[float, float], per_mm: float, mm: int) -> 
     )
 
 
-def sheet(rows: Sequence[Row], hemisphere: str | None) -> Figure:
+def sheet(rows: Sequence[Row], hemisphere: str | None, colours: Colours = FOLDS) -> Figure:
     """Brains of some ages, one below the other, from three sides, and real ones beside them, all at one scale.
 
     Parameters
@@ -225,19 +240,20 @@ def sheet(rows: Sequence[Row], hemisphere: str | None) -> Figure:
             for place, (brain, side) in enumerate((brain, side) for brain in pair for side in seen):
                 if brain is not None:
                     across = lefts[place] + widths[place] * scale / 2
-                    _put(axis, brain, side, (across, middle), scale)
+                    _put(axis, brain, side, (across, middle), scale, colours)
             top -= height
-        _foot(figure, axis, scale, wall=any(np.isnan(one.curvature).any() for pair in pairs for one in pair if one))
+        wall = any(np.isnan(one.curvature).any() for pair in pairs for one in pair if one)
+        _foot(figure, axis, scale, colours, wall=wall)
         axis.set(xlim=(0, PAGE), ylim=(0, full), aspect="equal")
         axis.set_axis_off()
     return figure
 
 
-def _put(axis: Axes, brain: Brain, side: Side, middle: tuple[float, float], scale: float) -> None:
+def _put(axis: Axes, brain: Brain, side: Side, middle: tuple[float, float], scale: float, colours: Colours) -> None:
     """Draw a brain around a point of the picture; `scale` is in inches per mm."""
     dots = _PIXELS * scale  # per mm
     width, height = (int(np.ceil(mm * dots)) + 4 for mm in extent(brain, side))
-    image = view(brain, side, centre(brain), (width, height), dots)
+    image = view(brain, side, centre(brain), (width, height), dots, span=colours.span, colours=colours.name)
     half = np.array([width, height]) / dots * scale / 2
     left, right, low, high = middle[0] - half[0], middle[0] + half[0], middle[1] - half[1], middle[1] + half[1]
     axis.imshow(image, extent=(left, right, low, high), zorder=0)
@@ -256,16 +272,16 @@ def _head(axis: Axes, seen: Sequence[Side], lefts: FloatArray, widths: FloatArra
         axis.plot(ends, [full - 0.2] * 2, color="black", linewidth=0.6)
 
 
-def _foot(figure: Figure, axis: Axes, scale: float, *, wall: bool) -> None:
+def _foot(figure: Figure, axis: Axes, scale: float, colours: Colours, *, wall: bool) -> None:
     """Draw the legend below the brains: the scale bar, the meaning of grey, and the colour scale."""
     mm = bar_length(PAGE / scale)
     draw_bar(axis, (_LEFT + 0.1, 0.26), scale, mm)
     axis.text(_LEFT + 0.2 + mm * scale, 0.26, "at all ages", va="center")
     if wall:
-        handles = [Patch(color=WALL_COLOUR, label=_WALL_MEANS)]
+        handles = [Patch(color=WALL_COLOUR, label=colours.grey)]
         place = (_LEGEND / PAGE, 0.26 / figure.get_figheight())
         figure.legend(handles=handles, loc="center left", bbox_to_anchor=place, borderaxespad=0)
     strip = figure.add_axes((0.7, 0.34 / figure.get_figheight(), 0.26, 0.07 / figure.get_figheight()))
-    colours = mpl.cm.ScalarMappable(mpl.colors.Normalize(-CURVATURE, CURVATURE), COLOURS)
-    bar = figure.colorbar(colours, cax=strip, orientation="horizontal", extend="both")
-    bar.set_label("mean curvature (1/mm): sulci blue, gyri red", labelpad=1)
+    values = mpl.cm.ScalarMappable(mpl.colors.Normalize(*colours.span), colours.name)
+    bar = figure.colorbar(values, cax=strip, orientation="horizontal", extend="both")
+    bar.set_label(colours.label, labelpad=1)

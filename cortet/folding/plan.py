@@ -169,6 +169,15 @@ class Folds:
         found = self.plan.config.fold.real_surfaces_of(self.plan.case(job).hemi)
         return {f"{age:g}": str(path) for age, path in found.items()}
 
+    def pictured(self, job: Job) -> dict[str, list[str]]:
+        """The folded surfaces and maps that the picture of a fold shows, by week, if `fold.picture` names a map."""
+        measure = self.plan.config.fold.picture
+        weeks = self.weeks(job["case"], job.get("variant", "").lower()) if measure else []
+        return {
+            f"{week:g}": [filled(self.surfaces(week)[name], job) for name in ("surface", measure) if name]
+            for week in weeks
+        }
+
     # --- convergence ---------------------------------------------------------------------------------------------
 
     def realisation(self, job: Mapping[str, Any]) -> dict[str, Any]:

@@ -44,7 +44,7 @@ ByAge = Amount | Annotated[dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])],
 class Fold(Section):
     """Folding simulation of meshes: growth of the cortex until it buckles."""
 
-    choices: ClassVar[frozenset[str]] = Section.choices | {"variants", "real_surfaces"}
+    choices: ClassVar[frozenset[str]] = Section.choices | {"variants", "real_surfaces", "picture"}
 
     cases: Cases | None = None
     """Cases whose meshes are folded: all, a number of them spread over the ages, a list of their names, as file names
@@ -117,6 +117,9 @@ class Fold(Section):
     surfaces: list[Annotated[float, Field(ge=AGES[0], le=AGES[1])]] = []
     """Weeks at which the folded cortex comes home to the vertices of its own surface, with maps of depth, curvature,
     gyrification, thickness, growth of area, and stress in the cortex and in the white matter below: [28, 34]."""
+    picture: Measure | None = None
+    """Map that folded.png shows at the weeks of `surfaces`: depth, cortex_stress, ... null, or no such week: folds
+    every four weeks, beside real brains."""
 
     @model_validator(mode="after")
     def _keys_are_of_the_model(self) -> Fold:
@@ -143,7 +146,8 @@ class Fold(Section):
         for name, changed in self.variants.items():
             if not changed or self.choices & set(changed):
                 raise ValueError(
-                    f"variant {name}: name keys of fold that differ, other than cases, variants and real_surfaces"
+                    f"variant {name}: name keys of fold that differ, other than "
+                    "cases, variants, real_surfaces and picture"
                 )
             try:
                 Fold(**{**own, **changed})

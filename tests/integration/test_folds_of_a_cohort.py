@@ -26,6 +26,7 @@ def test_all_cases_are_folded_under_every_variant(study: Study) -> None:
         "thickness": 3.0,
         "frame_interval": 0.2,
         "surfaces": [24.1],
+        "picture": "depth",
         "variants": {
             "wild": {"thickness": 2.0, "growth_rate": 2000.0, "end": 40.0, "record_interval": 0.5, "surfaces": []}
         },

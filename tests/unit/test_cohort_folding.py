@@ -90,6 +90,7 @@ def test_variants_change_keys_of_fold() -> None:
         {"thin": {}},
         {"thin": {"cases": "all"}},
         {"thin": {"real_surfaces": {}}},
+        {"thin": {"picture": "depth"}},
         {"T n": {}},
     ],
 )

@@ -13,6 +13,8 @@ from shapes import ball_mesh, ball_surface
 from cortet.cli import main
 from cortet.errors import InputError
 from cortet.folding.fold import SAME_AGE, fold
+from cortet.folding.fold_figures import draw, mapped, series
+from cortet.folding.fold_views import COLOURS, Colours, Row
 from cortet.folding.folded_surface import folded_surface, maps_of
 from cortet.folding.growth import time_of
 from cortet.folding.kernels import elastic_forces, nodal_forces
@@ -123,6 +125,25 @@ def test_every_measure_has_a_file(folder: Path) -> None:
     assert values(folder, "area_growth").mean() > 1.01
 
 
+def test_the_picture_shows_a_map_and_its_medial_wall_in_grey(folder: Path) -> None:
+    def shown(name: str) -> tuple[list[Row], Colours]:
+        named = {week: surface_files(folder / "folded", "x", week) for week in (START, END)}
+        files = {week: (some["surface"], some[name]) for week, some in named.items()}
+        return mapped(series(folder / "folded/fold.pvd"), files, name)
+
+    rows, colours = shown("cortex_pressure")
+    assert [row.age for row in rows] == [START, END] and not any(row.real for row in rows)
+    found, right = rows[1].simulated.curvature, ball_surface(3, RADIUS).points[:, 0]
+    wall = np.isnan(found)
+    assert 0 < wall.mean() < 0.3 and right[wall].min() > right[~wall].mean()
+    assert np.array_equal(found[~wall], values(folder, "cortex_pressure")[~wall])
+    assert colours.label == "cortex pressure" and colours.span[1] == pytest.approx(np.nanpercentile(found, 98), rel=0.5)
+    bent = shown("gaussian_curvature")[1]
+    assert bent.label == "gaussian curvature (1/mm2)"
+    middle = {"viridis": bent.span[0] >= 0, COLOURS: sum(bent.span) == 0}
+    assert middle[bent.name]
+
+
 def test_a_fold_of_another_mesh_is_refused(folder: Path) -> None:
     found, _, _ = map_of_file(folder / "x.vtu", vtu.read(folder / "x.vtu"))
     moved = frame(folder)
@@ -148,12 +169,16 @@ def test_a_new_fold_deletes_what_an_earlier_one_left_in_its_folder(
     kept = tmp_path / "again/mine_week-28.2_depth.shape.gii"
     kept.write_bytes((tmp_path / "again/x_week-28.2_depth.shape.gii").read_bytes())
     assert "replaced" not in caplog.text
-    assert main([*command, "28.1", "--surfaces", "28.1"]) == 0
+    (tmp_path / "map.yaml").write_text("fold: {picture: depth}")
+    assert main([*command, "28.1", "--surfaces", "28.1", "--config", str(tmp_path / "map.yaml")]) == 0
     assert f"again: an earlier fold is replaced (frames: 2, surfaces and maps: {len(MEASURES) + 1})" in caplog.text
     assert {path.name for path in files_in(tmp_path / "again")} == {
         kept.name,
         *(path.name for path in surface_files(tmp_path, "x", 28.1).values()),
     }
+    with_map = (tmp_path / "again/folded.png").read_bytes()
+    draw(tmp_path / "again", "L")
+    assert (tmp_path / "again/folded.png").read_bytes() != with_map
 
 
 def test_a_run_without_surfaces_has_no_stress(tmp_path: Path) -> None:

@@ -138,6 +138,18 @@ def test_pictures_of_a_fold_show_the_real_brains_of_its_hemisphere() -> None:
     assert "real_surfaces" not in asked.arguments("fold", mesh_job(GOOD))
 
 
+def test_pictures_of_a_fold_show_a_map_of_its_weeks() -> None:
+    weeks = {"surfaces": [22, 28.5, 40], "variants": {"short": {"end": 26.0}}}
+    fold = plan(fold={"picture": "cortex_stress", **weeks})
+    place = "out/sub-good/simulation/sub-good_hemi-L_res-2000um_desc-latticeFolded/sub-good_hemi-L_week-28.5_"
+    shown = Folds(fold).pictured(mesh_job(GOOD, variant=""))
+    assert list(shown) == ["28.5", "40"]
+    assert shown["28.5"] == [f"{place}white.surf.gii", f"{place}cortexstress.shape.gii"]
+    assert Folds(fold).pictured(mesh_job(GOOD, variant="Short")) == {}
+    assert Folds(plan(fold=weeks)).pictured(mesh_job(GOOD, variant="")) == {}
+    assert "picture" not in fold.arguments("fold", mesh_job(GOOD))
+
+
 def test_a_hole_that_no_case_has_is_told() -> None:
     (notice,) = plan(export={"formats": ["vtu"], "holes": ["white", "ventrcle"]}).notices()
     assert notice == "export.holes: no case has an inner surface ventrcle, they have white"
