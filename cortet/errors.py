@@ -36,6 +36,10 @@ class InputError(CortetError):
     """A file, table row or parameter given by the user cannot be used."""
 
 
+class UsageError(InputError):
+    """Options of a command do not go together, or lack others."""
+
+
 class DamagedFileError(InputError):
     """A file is incomplete, or not of the format that its name says."""
 

@@ -22,7 +22,7 @@ from rich.box import Box
 from cortet.cli import meshes, meshing, runs, surfaces
 from cortet.cli.shared import HELP
 from cortet.cli.values import WRITTEN, CheckedOutput, FolderOfFiles, OutputFile
-from cortet.errors import CortetError
+from cortet.errors import CortetError, UsageError
 from cortet.formats.ownership import guarded
 from cortet.neighbours import neighbours
 from cortet.version import __version__
@@ -65,7 +65,7 @@ def commands(of: App | None = None, words: str = "cortet") -> Iterator[tuple[str
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; 0: done and well, 1: refused, not certified or failed, 2: wrong usage, by SystemExit."""
+    """Run one command; 0: done and well, 1: refused, not certified or failed, 2: wrong usage, often by SystemExit."""
     try:
         command, bound = _parsed(sys.argv[1:] if arguments is None else list(arguments))
         given = _given(bound) if command.__module__.startswith("cortet.") else {}  # what is the library's: help
@@ -80,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 141  # the exit code of a program that SIGPIPE ends
     except CortetError as error:
         print(f"cortet: {error}", file=sys.stderr)
-        return 1
+        return 2 if isinstance(error, UsageError) else 1
     except OSError as error:  # no space left, no permission
         print(f"cortet: {error.filename or 'a file'}: {error.strerror or error}", file=sys.stderr)
         return 1

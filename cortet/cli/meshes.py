@@ -14,7 +14,7 @@ from cyclopts import App, Parameter
 from cortet.cli.given import draw, read_mesh, stem_of
 from cortet.cli.shared import MESHES, Common, Limits, Writes, add
 from cortet.cli.values import Below, Depth, FieldsFile, InnerFiles, InputFile, MeshFile, O, OutputFile, Picture, number
-from cortet.errors import InputError
+from cortet.errors import InputError, UsageError
 from cortet.formats import FORMATS, format_of
 from cortet.geometry.limits import THICKNESS_MM
 
@@ -347,19 +347,24 @@ def picture(
     """
     if field is None:
         if name is not None:
-            raise InputError("--name is of an array of a field", remedy="add --field FILE")
+            raise UsageError("--name is of an array of a field", remedy="add --field FILE")
         draw(read_mesh(file), output, axis=plane, position=position, view=view, regions=region)
         return 0
     if region or view is not None or (plane, position) != ("y", 0.5):
         what = "--plane, --position, --view and --region are of a mesh, and --field draws a surface"
-        raise InputError(what, remedy="leave out --field, or the others")
+        raise UsageError(what, remedy="leave out --field, or the others")
+    if any(file.name.endswith(form.suffix) for form in FORMATS.values() if not form.is_surface):
+        raise UsageError("is a mesh, and --field draws a surface", file=file, remedy="name the surface of the field")
+    if not field.exists():
+        raise InputError("no such file", file=field, remedy="--field is a file, and --name an array in it")
     from cortet.formats.gifti import hemisphere_of, read_fields, read_surface, require_same_hemisphere
 
     surface, fields = read_surface(file), read_fields(field)
-    chosen = next(iter(fields), "") if name is None else name
+    if not fields:
+        raise InputError("holds no values at vertices", file=field, remedy="give a .shape, .func or .label GIfTI")
+    chosen = next(iter(fields)) if name is None else name
     if chosen not in fields:
-        known = f"there are {', '.join(fields)}" if fields else "it has none"
-        raise InputError(f"has no array {chosen}".rstrip(), file=field, remedy=known)
+        raise InputError(f"has no array {chosen}", file=field, remedy=f"there are {', '.join(fields)}")
     values = fields[chosen]
     if values.shape != (len(surface.points),):
         raise InputError(

@@ -14,7 +14,7 @@ from cortet.cli.given import draw, read_mesh, stem_of
 from cortet.cli.meshes import print_verdict
 from cortet.cli.shared import MESHES, Configured, Writes, add
 from cortet.cli.values import InnerFiles, InputFile, MeshFile, NamedFiles, O, OutputFile, Picture, Sizes, number
-from cortet.errors import InputError
+from cortet.errors import UsageError
 from cortet.formats import format_of, require_holes
 from cortet.formats.ownership import may_write, refuse_companion
 from cortet.geometry.limits import SCAN_AGES, SHELL_MM
@@ -164,7 +164,7 @@ def mesh(
     from cortet.solver_files.volumes import TISSUE_COLUMNS
 
     if views.slices and not volume:
-        raise InputError("--slices needs a volume", remedy="give one: --volume NAME=FILE")
+        raise UsageError("--slices needs a volume", remedy="give one: --volume NAME=FILE")
     # a file that cannot be written is refused before the work, and before files of an earlier run are deleted
     config = load(configured.settings(line.size, hole))
     require_holes(config.export.holes, format_of(output).name)

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter, Token
 
-from cortet.errors import InputError
+from cortet.errors import UsageError
 from cortet.formats import FORMATS
 from cortet.geometry.limits import CELL_SIZE_MM, NAME
 
@@ -48,7 +48,7 @@ def number(low: float, high: float, unit: str, *, whole: bool = False, endless: 
 
 
 def pairs(read: Callable[[str], tuple[Any, Any]], form: str, shown: str | None = None) -> Parameter:
-    """An option that may be repeated, as pairs of a name and a value; InputError if a name comes twice.
+    """An option that may be repeated, as pairs of a name and a value; UsageError if a name comes twice.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def pairs(read: Callable[[str], tuple[Any, Any]], form: str, shown: str | None =
         found = [read(token.value) for token in tokens]
         names = [name for name, _ in found]
         if twice := next((name for name in names if names.count(name) > 1), None):
-            raise InputError(f"{tokens[0].keyword} names {twice} twice", remedy=f"give each its own: {form}")
+            raise UsageError(f"{tokens[0].keyword} names {twice} twice", remedy=f"give each its own: {form}")
         return found
 
     return Parameter(converter=read_all, n_tokens=1, metavar=shown or form)
@@ -101,7 +101,7 @@ class OutputFile(type(Path())):  # type: ignore[misc]
 
 
 class CheckedOutput(type(Path())):  # type: ignore[misc]
-    """A sheet, or a folder of `cortet run`: the command itself refuses one that cortet did not make."""
+    """A sheet, or the folder of a run or a workflow: the command itself refuses one that cortet did not make."""
 
 
 class FolderOfFiles(type(Path())):  # type: ignore[misc]

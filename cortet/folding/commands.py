@@ -25,7 +25,7 @@ from cortet.cli.values import (
     number,
     pairs,
 )
-from cortet.errors import InputError
+from cortet.errors import InputError, UsageError
 from cortet.folding import AGES
 from cortet.formats.atomic import recorded
 from cortet.formats.ownership import may_write
@@ -238,9 +238,9 @@ def growth(
 
     start, end = ages
     if not start < end:
-        raise InputError(f"the later age, {end:g} weeks, is not after the early one, {start:g}", remedy="give both")
+        raise UsageError(f"the later age, {end:g} weeks, is not after the early one, {start:g}", remedy="give both")
     if output.suffix != ".gii":
-        raise InputError("is not the name of a GIfTI file", file=output, remedy="end it in .func.gii")
+        raise UsageError("is not the name of a GIfTI file", file=output, remedy="end it in .func.gii")
     stem = stem_of(output).removesuffix(".func").removesuffix(".shape")
     metrics, record = (output.with_name(f"{stem}{ending}") for ending in (".shape.gii", ".growth.json"))
     for path in (metrics, record):
@@ -320,14 +320,14 @@ def job(
         "febio": ("febio_job", "febio4 -i job.feb"),
         "fenics": ("fenics_job", "python3 job.py"),
     }[solver]
+    if ten_nodes is not None and solver != "calculix":
+        raise UsageError(f"--ten-nodes is not for {solver}", remedy="use it with --solver calculix, or leave it")
+    if material and solver == "febio":
+        raise UsageError("--material is not for febio", remedy="use another solver, or edit <Material> in job.feb")
     mesh, more = read_mesh(file, whole=ten_nodes is not None), dict[str, object]()
     if ten_nodes is not None:
-        if solver != "calculix":
-            raise InputError(f"--ten-nodes is not for {solver}", remedy="use it with --solver calculix, or leave it")
         more["curved"] = quadratic(mesh, filled_surface(file, ten_nodes)[0])
     if material:
-        if solver == "febio":
-            raise InputError("--material is not for febio", remedy="use another solver, or edit <Material> in job.feb")
         more["moduli"] = dict(material)
     import_module(f"cortet.folding.{module}").write_job(mesh, output, growth=growth, **more)
     print(f"{output}: written; run `{run}` in it")

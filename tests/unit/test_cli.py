@@ -25,7 +25,7 @@ from cortet.cli.values import Number, inner_file
 from cortet.cohort.sheet import read_sheet
 from cortet.config import load
 from cortet.formats import braingrowth, vtu
-from cortet.formats.gifti import read_surface, write_surface
+from cortet.formats.gifti import read_surface, write_fields, write_surface
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface, surface_topology
 from cortet.meshes import TriSurface
@@ -69,6 +69,47 @@ def test_wrong_usage_exits_with_2(arguments: list[str], capsys: pytest.CaptureFi
         main(arguments)
     assert stopped.value.code == 2
     assert "usage: cortet" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("picture x.vtu -o y.png --name sulc", "add --field FILE"),
+        ("picture x.surf.gii -o y.png --field a.shape.gii --view left", "leave out --field, or the others"),
+        ("picture x.vtu -o y.png --field a.shape.gii", "x.vtu: is a mesh, and --field draws a surface"),
+        ("mesh x.surf.gii -o y.vtu --slices y.png", "--slices needs a volume"),
+        ("mesh x.surf.gii -o y.vtu --inner a=a.gii --inner a=b.gii", "--inner names a twice"),
+        ("growth a.gii b.gii --ages 30 28 -o y.func.gii", "not after the early one"),
+        ("job x.inp -o job --solver febio --material cortex=1,0.3", "--material is not for febio"),
+    ],
+)
+def test_options_that_do_not_go_together_are_wrong_usage(
+    words: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words.split()) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_a_picture_of_a_map_names_what_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    surface = str(tmp_path / "x.surf.gii")
+    write_surface(ball_surface(2), surface)
+    write_fields({"sulc": np.zeros(162)}, tmp_path / "x.shape.gii")
+    words = ["picture", surface, "-o", str(tmp_path / "y.png"), "--field"]
+    for field, told in (
+        (["sulc"], "sulc: no such file (--field is a file, and --name an array in it)"),
+        ([surface], "holds no"),
+        ([str(tmp_path / "x.shape.gii"), "--name", "depth"], "has no array depth (there are sulc)"),
+    ):
+        assert main([*words, *field]) == 1
+        assert told in capsys.readouterr().err
+
+
+def test_a_folder_for_a_workflow_must_be_empty_and_nothing_forces_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "notes.txt").touch()
+    assert main(["workflow", str(tmp_path)]) == 1
+    assert "is not empty (name an empty or a new folder)" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("words", "command"), [pytest.param(*one, id=one[0]) for one in commands()])
