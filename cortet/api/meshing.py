@@ -39,7 +39,7 @@ from cortet.measure.certify import Certificate, with_remarks
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, region_names, require_measurable
 from cortet.pipeline import Meshed, Step, mesh_surface, save, with_sets
 from cortet.solver_files.earlier import read_today
-from cortet.solver_files.fields import with_fields
+from cortet.solver_files.fields import with_fields, with_q
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
 from cortet.solver_files.meshed import Origin
 from cortet.solver_files.surface_map import SurfaceMap, applied, surface_map
@@ -216,7 +216,7 @@ class Mesh:
         return regions(self.named())
 
     def to_pyvista(self) -> pyvista.UnstructuredGrid:
-        """The mesh for PyVista, with its fields, and of each tetrahedron the quality `q` and the number `region`."""
+        """The mesh for PyVista with the fields of its VTU file, among them `q` and `region` of each tetrahedron."""
         import pyvista
 
         grid = pyvista.UnstructuredGrid({pyvista.CellType.TETRA: self.cells}, self.points)
@@ -235,7 +235,7 @@ class Mesh:
 
     def _of_cells(self) -> dict[str, NDArray[Any]]:
         """Fields of tetrahedra: those of the mesh, q, and the numbers of regions that files have."""
-        return {**self.named().cell_data, "q": self.quality}
+        return with_q(self.named()).cell_data
 
     def plot(self, size: tuple[int, int] = (1200, 900)) -> NDArray[np.uint8]:
         """A picture of the mesh, cut open, with the rest transparent: (height, width, 4); needs no display."""

@@ -39,6 +39,8 @@ class Format:
     rounding: float = 1e-9
     #: whether it holds named sets of faces
     names_faces: bool = True
+    #: whether its files get q of each tetrahedron, as those that viewers open do
+    has_q: bool = False
 
     def read(self, path: Path, **options: Any) -> Any:
         """The TetMesh of a file, or the boundary as a TriSurface; raises InputError if the file cannot be read."""
@@ -67,12 +69,12 @@ class Format:
 FORMATS: dict[str, Format] = {
     form.name: form
     for form in (
-        Format("vtu", ".vtu", "vtu"),
-        Format("vtk", ".vtk", "vtk"),
+        Format("vtu", ".vtu", "vtu", has_q=True),
+        Format("vtk", ".vtk", "vtk", has_q=True),
         Format("braingrowth", ".mesh", "braingrowth", names_faces=False),
         Format("abaqus", ".inp", "abaqus"),
         Format("febio", ".feb", "febio"),
-        Format("fenics", ".xdmf", "fenics"),
+        Format("fenics", ".xdmf", "fenics", has_q=True),
         Format("gmsh_v2", ".v2.msh", "msh", "_v2"),
         Format("gmsh", ".msh", "msh"),
         Format("nastran", ".bdf", "nastran"),

@@ -18,6 +18,7 @@ from cortet.formats.ownership import json_of
 from cortet.formats.surface_sets import CORE, CORTEX, INTERFACE
 from cortet.formats.tags import region_numbers, regions, with_names
 from cortet.meshes import AROUND, REGION, TetMesh
+from cortet.solver_files.fields import without_q
 from cortet.solver_files.sets import with_regions
 from cortet.solver_files.sidecar import sidecar_path
 
@@ -34,7 +35,7 @@ def read_today(path: Path) -> tuple[TetMesh, list[str]]:
         the file holds a surface, or cannot be read
     """
     record = json_of(sidecar_path(path))
-    mesh, told = numbered_today(read_mesh(path), record)
+    mesh, told = numbered_today(without_q(read_mesh(path)), record)
     mesh = _named(mesh, record.get("regions"))
     return mesh, [f"{path}: {line}" for line in told]
 

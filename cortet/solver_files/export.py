@@ -21,7 +21,7 @@ from cortet.geometry.filling import require_body
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
 from cortet.meshes import CoordinateFrame, MeshSets, TetMesh, TriSurface
 from cortet.solver_files.earlier import numbered_today
-from cortet.solver_files.fields import FieldSource
+from cortet.solver_files.fields import FieldSource, with_q, without_q
 from cortet.solver_files.holes import hollow
 from cortet.solver_files.meshed import moved
 from cortet.solver_files.names import left_out, writable
@@ -31,7 +31,7 @@ from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, si
 from cortet.solver_files.verify import problems
 from cortet.stages.solver_ready import surface_nodes_first
 
-VERSION: int = 7
+VERSION: int = 8
 
 #: gives sparse matrices of a mesh, by name
 Matrices = Callable[[TetMesh], Mapping[str, Any]]
@@ -136,8 +136,11 @@ def _write_verified(
     """
     may_write(sidecar_path(path))
     with atomic_folder(path) as folder:
+        form = FORMATS[solver]
+        if form.has_q and isinstance(content, TetMesh):
+            content = with_q(content)
         write(content, folder / path.name, solver=solver, unit=unit, frame=frame)
-        form, content = FORMATS[solver], with_surface(content) if isinstance(content, TetMesh) else content
+        content = with_surface(content) if isinstance(content, TetMesh) else content
         as_read = form.as_read(folder / path.name)
         back = as_read if isinstance(as_read, TriSurface) else as_read.mesh
         broken = problems(as_read, body=body)
@@ -228,7 +231,7 @@ def convert(
         if surface_nodes[-1] != len(surface_nodes) - 1:
             content = surface_nodes_first(content)[0]
             done.append("nodes were renumbered, those of the surface first")
-        content, what = numbered_today(content, record)
+        content, what = numbered_today(without_q(content), record)
         done += what
         if not content.sets.faces:
             content, how = _with_face_sets(content)

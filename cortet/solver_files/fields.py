@@ -14,9 +14,13 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.formats.gifti import read_fields, read_label_names
 from cortet.formats.hashing import input_sha256
-from cortet.meshes import TriSurface
+from cortet.measure.quality import quality
+from cortet.meshes import TetMesh, TriSurface
 from cortet.neighbours import neighbours
 from cortet.stages.transfer import THICKNESS
+
+#: name of the field of tetrahedra that files for viewers have
+Q = "q"
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,17 @@ def with_fields(surface: TriSurface, files: Mapping[str, str | Path]) -> TriSurf
             require_finite(values, f"the field {field}", file)
             fields[field] = values
     return replace(surface, point_data=fields)
+
+
+def with_q(mesh: TetMesh) -> TetMesh:
+    """The mesh with `q` of each tetrahedron, (m,) float32 for files of half the size, in place of a field so named."""
+    q = quality(mesh.points, mesh.cells).astype(np.float32)
+    return replace(mesh, cell_data={**mesh.cell_data, Q: q})
+
+
+def without_q(mesh: TetMesh) -> TetMesh:
+    """The mesh of a file without the field `q`, which would not follow its tetrahedra as they change."""
+    return replace(mesh, cell_data={name: values for name, values in mesh.cell_data.items() if name != Q})
 
 
 def require_finite(values: NDArray[Any], what: str, file: str | Path | None = None) -> None:

@@ -198,7 +198,7 @@ def test_the_same_call_gives_the_same_bits(ball: TriSurface, made: cortet.Mesh) 
 def test_pyvista_gets_every_field_and_the_quality(made: cortet.Mesh) -> None:
     grid = made.to_pyvista()
     assert grid.n_cells == len(made.cells)
-    assert np.array_equal(grid.cell_data["q"], made.quality)
+    assert np.array_equal(grid.cell_data["q"], made.quality.astype(np.float32))
     assert "height" in grid.point_data
     assert grid.volume == pytest.approx(4 / 3 * np.pi * 1000, rel=0.05)
 

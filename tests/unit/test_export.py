@@ -14,7 +14,9 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.errors import InputError, StageError
 from cortet.formats import FORMATS, format_of, gifti, stl, vtu
+from cortet.measure.quality import quality
 from cortet.meshes import CoordinateFrame, MeshSets, TetMesh
+from cortet.solver_files.earlier import read_today
 from cortet.solver_files.export import convert, export
 from cortet.solver_files.fields import FieldSource
 from cortet.solver_files.verify import verify
@@ -87,6 +89,19 @@ def test_an_export_replaces_all_files_of_an_earlier_one(tmp_path: Path) -> None:
         "m.pts.json",
         "m.regions.tsv",
     ]
+
+
+@pytest.mark.parametrize("solver", [name for name, form in FORMATS.items() if form.has_q])
+def test_files_for_viewers_have_q_measured_anew(solver: str, tmp_path: Path) -> None:
+    mesh = full_mesh()
+    wrong = replace(mesh, cell_data={**mesh.cell_data, "q": np.ones(len(mesh.cells))})
+    vtu.write(wrong, tmp_path / "m.vtu")
+    file = tmp_path / f"n{FORMATS[solver].suffix}"
+    convert(tmp_path / "m.vtu", file)
+    measured = quality(mesh.points, mesh.cells).astype(np.float32)
+    assert np.array_equal(FORMATS[solver].read(file).cell_data["q"], measured)
+    assert not any("q" in told.split(": ")[-1].split(", ") for told in convert(file, tmp_path / "o.inp"))
+    assert "q" not in read_today(file)[0].cell_data
 
 
 @pytest.mark.parametrize("target", [name for name, form in FORMATS.items() if name != "vtu"])

@@ -87,7 +87,8 @@ def test_other_programs_get_q_and_the_numbers_of_regions(folder: Path) -> None:
     made = cortet.read(folder / "x.vtu")
     grid, other, file = made.to_pyvista(), made.to_meshio(), pyvista.read(folder / "x.vtu")
     for values in (grid.cell_data, {name: one for name, (one,) in other.cell_data.items()}):
-        assert np.array_equal(values["q"], made.quality)
+        assert np.array_equal(values["q"], made.quality.astype(np.float32))
+        assert np.array_equal(values["q"], file.cell_data["q"])
         assert np.array_equal(values["region"], file.cell_data["region"])
     assert np.array_equal(other.cells[0].data, made.cells)
 
