@@ -11,7 +11,7 @@ from cyclopts import App, Group, Parameter
 from cyclopts.validators import mutually_exclusive
 
 from cortet.cli.shared import COHORTS, OTHERS, Common, Configured, add, with_keys
-from cortet.cli.values import CheckedOutput, FolderOfFiles, Formats, Hemisphere, InputFile, O, Setting, number
+from cortet.cli.values import CheckedOutput, Formats, Hemisphere, InputFile, O, Setting, number
 from cortet.errors import InputError
 
 #: what becomes of a sheet that is there
@@ -145,7 +145,7 @@ def run(
     output_dir
         Where the derivatives go.
     levels
-        participant: single cases; group: tables and figures over all (default: both).
+        participant: single cases; group: tables and figures over all that are there (default: both).
     participant_label
         Only these participants.
     session_label
@@ -170,9 +170,14 @@ def run(
     cortet run bids derivatives/cortet --participant-label 01 02 --formats vtu,inp
     """
     from cortet.cohort import app
+    from cortet.cohort.receipts import run_record
+    from cortet.config import read
+    from cortet.report.over_all import aggregate
 
     asked: Sequence[str] = levels or list(app.LEVELS)
-    settings = configured.settings()
+    settings, alone = configured.settings(), set(asked) == {"group"}
+    if alone:  # meshes are of the sizes, and so on, that the participants were run with
+        settings = run_record(output_dir).get("config", {}) | settings
     selection = app.Selection(participant_label, session_label, hemi)
     if pial:
         settings = with_keys(settings, "cohort", **with_keys(settings.get("cohort") or {}, "scan", pial=True))
@@ -190,15 +195,19 @@ def run(
     with app.lock(bids_dir, output_dir):
         work = work_dir or app.work_folder(output_dir)
         app.prepare(cases, bids_dir, output_dir, work, settings)
-        code = app.snakemake(
-            work, asked, cores=cores or os.cpu_count() or 1, profile=profile, dry_run=dry_run, verbose=common.verbose
-        )
+        code, most = 0, cores or os.cpu_count() or 1
+        if not alone:
+            code = app.snakemake(work, asked, cores=most, profile=profile, dry_run=dry_run, verbose=common.verbose)
+        elif not dry_run:
+            aggregate(read(work / "config.yaml"), output_dir.absolute())
+    if alone and (without := app.without_mesh(output_dir, cases)):
+        print(f"no mesh yet: {', '.join(without)} (the level participant makes them)")
     if not dry_run:
         print(app.outcome(output_dir, cases, page="group" in asked))
     return int(code != 0)
 
 
-def workflow(folder: Annotated[FolderOfFiles | None, Parameter(name="DIR")] = None, /, *, _: Common = Common()) -> int:
+def workflow(folder: Annotated[CheckedOutput | None, Parameter(name="DIR")] = None, /, *, _: Common = Common()) -> int:
     """Print where the Snakefile lies, or prepare a folder for `snakemake`.
 
     Parameters

@@ -306,6 +306,11 @@ def outcome(output: Path, cases: Collection[Case], *, page: bool) -> str:
     return f"{len(cases)} {'case' if len(cases) == 1 else 'cases'}: {words}; {look}"
 
 
+def without_mesh(output: Path, cases: Collection[Case]) -> list[str]:
+    """Names of the cases that have no certificate in an output folder."""
+    return [case.name for case in cases if not _verdicts(output, case)]
+
+
 def _verdicts(output: Path, case: Case) -> list[bool]:
     """Whether the meshes of a case are certified; one whose certificate is damaged is not."""
     files = (output / case.folder / "mesh").glob(f"{case.name}_*Solver_certificate.json")

@@ -237,6 +237,29 @@ def _write_failure_page(plan: Plan, mesh: Mesh, failure: Mapping[str, Any], page
         temporary.write_bytes(thumbnail(surface, cast(Literal["L", "R"] | None, case.hemi)))
 
 
+def aggregate(config: Mapping[str, Any], output: Path) -> list[Path]:
+    """Make the results over all cases of the meshes that earlier runs left; the caller holds the lock of the folder.
+
+    Parameters
+    ----------
+    config : content of a configuration, whose sheet names the cases
+
+    Returns
+    -------
+    The files that were written
+
+    Raises
+    ------
+    InputError : no case of the sheet has a certificate there, or as `plan_of`
+    """
+    plan = plan_of(config)
+    if not with_failures(plan).measured_certificates():
+        raise InputError("holds no mesh of these cases yet", file=output, remedy="run the level participant first")
+    asked = receipts.run_record(output).get("asked", [])
+    remember_run(plan, config, {*asked, *OF_COHORT}, {})
+    return report(output)
+
+
 def files(plan: Plan, name: str, *suffixes: str) -> list[str]:
     """Files over all cases that have one name."""
     return [plan.layout.cohort(f"{name}{suffix}") for suffix in suffixes]

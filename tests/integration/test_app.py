@@ -86,6 +86,14 @@ def test_participants_then_the_group_with_the_conventional_words(
     assert not any(line.startswith("  sub-01_ses-a_hemi-L: ") for line in plan), "it is up to date"
     assert any(re.match("  over all cases: .*, cohort_page", line) for line in plan)
 
+    group = run(installed, "bids", "out", "group", cwd=tmp_path)
+    assert group.returncode == 0, group.stdout + group.stderr
+    assert group.stdout.splitlines()[-2:] == [
+        "no mesh yet: sub-01_ses-b_hemi-L, sub-02_hemi-L (the level participant makes them)",
+        "3 cases: 1 certified, 2 without a mesh; open out/cohort/index.html",
+    ]
+    assert len(list(out.rglob("*Solver_sets.vtu"))) == 1, "it makes no mesh"
+
     all_of_them = run(installed, "bids", "out", "participant", "group", "--formats", "vtu,inp", cwd=tmp_path)
     assert all_of_them.returncode == 1
     lines = all_of_them.stdout.splitlines()
