@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from cortet.folding import AGES
 from cortet.meshers import MesherName
@@ -33,11 +33,23 @@ Model = Literal["growing", "braingrowth"]
 PredictionKind = Literal[
     "mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "braingrowth", "path", "nothing"
 ]
+#: shortest relaxation time, weeks: far below a time step, relaxation takes energy that no account has
+_SHORTEST = 1e-3
+
+
+def _not_below_a_step(time: Any) -> Any:
+    """A relaxation time, or times at ages; ValueError for one below `_SHORTEST`."""
+    for one in time.values() if isinstance(time, Mapping) else [time]:
+        if one != "elastic" and one < _SHORTEST:
+            raise ValueError(f"a time of {one:g} weeks is far below a time step: give {_SHORTEST:g} weeks or more")
+    return time
+
+
 #: growth per week from 22 weeks on, or growth since then at ages: {22: 0, 30: 0.3, 38: 0.8}
 Amount = Annotated[float, Field(ge=-1e4, le=1e4, allow_inf_nan=False)]
 AtAges = Annotated[dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Positive], Field(min_length=1)]
 #: relaxation time, weeks, or at ages
-Time = Positive | AtAges | Literal["elastic"]
+Time = Annotated[Positive | AtAges | Literal["elastic"], AfterValidator(_not_below_a_step)]
 ByAge = Amount | Annotated[dict[Annotated[float, Field(ge=AGES[0], le=AGES[1])], Amount], Field(min_length=1)]
 
 
