@@ -41,7 +41,7 @@ class Failure:
     wildcards: Mapping[str, str]
     reason: str
     log: Path
-    #: the reason without what to do about it, and that; empty for a job that was killed
+    #: the reason without what to do about it, or the line of code where a job was stopped; and what to do
     problem: str = ""
     remedy: str = ""
 
@@ -67,13 +67,14 @@ def failures(output: Path, *, ended: bool = True) -> list[Failure]:
 
 
 def _story(log: Path) -> dict[str, str]:
-    """Reason, problem and remedy of a failure; of a job that was killed, what its log says."""
+    """Reason, problem and remedy of a failure; of a job that was killed, what its log says, which has no remedy."""
     try:
         told = json.loads(failure_path(log).read_text(encoding="utf-8"))
         where = f"{told['where']}: " if told["where"] else ""
         return {"reason": told["reason"], "problem": f"{where}{told['what']}", "remedy": told["remedy"] or ""}
     except (OSError, ValueError, LookupError, TypeError):
-        return {"reason": failure_reason(log)}
+        reason = failure_reason(log)
+        return {"reason": reason, "problem": reason.partition(", in ")[0]}  # without a line of code
 
 
 def with_failures(plan: Plan, *, ended: bool = True) -> Plan:
@@ -150,7 +151,7 @@ def _missing(found: Sequence[Failure]) -> Callable[[str], str | None]:
         for cause in causes:
             before = ORDER.index(cause.rule) < last and cause.rule not in AFTER_CERTIFICATE
             if before or not exists:
-                return f"{cause.rule}: {cause.reason}"
+                return f"{cause.rule}: {cause.problem or cause.reason}"
         return None if exists else "the run ended before"
 
     return reason

@@ -17,14 +17,14 @@ from cortet.formats.tables import Column, Row, described, headed, write_table
 from cortet.formats.tsv import MISSING
 from cortet.report import pages
 
-VERSION: int = 5
+VERSION: int = 6
 
 #: what LaTeX prints only in mathematical mode
 _MATHEMATICAL = {"<": "$<$", ">": "$>$", "±": r"$\pm$", "²": "$^2$"}
 #: symbols of quantities in headings, which print has in italics, and their index
 _SYMBOL = re.compile(r"\b([hJnqr])(?:_(max))?\b")
-#: longest text of a cell that stands in one line of a page, characters
-_WORDS = 40
+#: LaTeX of a column of sentences, and the longest text that stands in one line of it, characters
+_SENTENCES, _LINE = "p{2.4cm}", 30
 #: a cell that holds a number, alone or with its spread, or a range
 _NUMBER = re.compile(r"[-+]?[\d.,]+(?:e[-+]\d+|-[\d.,]+)?(?: ± .*| \[.*| \(.*)?")
 
@@ -117,22 +117,28 @@ def median_and_range(median: float | None, low: float | None, high: float | None
 
 
 def _latex(table: Table, texts: pd.DataFrame, starts: Sequence[int]) -> str:
+    """LaTeX in letters of 7 points, as figures have, so that the tables of the paper fit both columns of a journal."""
     style = Styler(texts).hide(axis="index")
+    kinds = [_alignment(texts.iloc[:, place]) for place in range(len(texts.columns))]
     style.format(_mathematical, escape="latex").format_index(_heading, axis="columns")
-    kinds = "".join(_alignment(texts.iloc[:, place]) for place in range(len(texts.columns)))
+    for place in (place for place, kind in enumerate(kinds) if kind == _SENTENCES):
+        ragged = {texts.columns[place]: lambda text: rf"\raggedright {_mathematical(text)}"}
+        style.format(ragged, subset=[texts.columns[place]], escape="latex")
     with pd.option_context("styler.render.max_elements", texts.size):  # else pandas would leave out rows
-        lines = style.to_latex(hrules=True, column_format=kinds).splitlines()
+        lines = style.to_latex(hrules=True, column_format="".join(["@{}", *kinds, "@{}"])).splitlines()
     first = lines.index(r"\midrule") + 1
     for row in reversed(starts):
         lines.insert(first + row, r"\midrule")
-    return "\n".join([f"% {table.title}; needs the package booktabs", *lines, ""])
+    lines = [re.sub(r" \\\\$", r" \\tabularnewline", line) for line in lines]  # \\ ends lines within a cell
+    head = [f"% {table.title}; needs the package booktabs", r"{\scriptsize\setlength{\tabcolsep}{2.5pt}%"]
+    return "\n".join([*head, *lines, "}", ""])
 
 
 def _alignment(texts: pd.Series[str]) -> str:
     """Numbers to the right, words to the left, sentences in lines."""
     if _of_numbers(texts):
         return "r"
-    return r"p{5cm}" if texts.str.len().max() > _WORDS else "l"
+    return _SENTENCES if texts.str.len().max() > _LINE else "l"
 
 
 def _mathematical(text: str) -> str:

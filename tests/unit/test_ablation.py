@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 import pytest
 from cubes import cube_mesh
+from latex import require_fits
 
 from cortet.formats.tables import names
 from cortet.measure.quality import summarise
@@ -151,6 +152,13 @@ def test_it_is_written_from_files(tmp_path: Path) -> None:
     assert lines[0].split("\t") == names(ABLATION.columns) == list(json.loads((tmp_path / "table.json").read_text()))
     assert [line.split("\t")[5] for line in lines[1:4]] == ["CGAL only", "Netgen only", "ball"]
     assert lines[1].endswith('\tsub-b: gate: "open"')
+
+
+def test_it_fits_both_columns_of_a_journal(tmp_path: Path) -> None:
+    qualities = [saved(tmp_path, at(name, "Generated"), record(0.13, 0.7, 12_095)) for name in ("a", "c", "d")]
+    missing = [{"origin": asdict(at("b", "Generated")), "reason": "gate: the surface is open along 3 edges"}]
+    write_ablation(qualities, [], missing, [], [str(tmp_path / "table.tex")])
+    require_fits(tmp_path / "table.tex")
 
 
 def test_the_table_of_stages_has_a_row_per_record_in_the_order_given(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from cubes import cube_mesh
+from latex import require_fits
 
 from cortet.formats.tables import names
 from cortet.measure.quality import summarise
@@ -111,3 +112,12 @@ def test_they_are_written_in_every_form(table: str, tmp_path: Path) -> None:
     )
     assert dict(zip(header.split("\t"), first.split("\t"), strict=True))["setting"] == "published"
     assert re.search(r"\| sub-a +\| +28\.0 +\| CGAL +\| published +\| +0\.6 +\|", (tmp_path / "table.md").read_text())
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_they_fit_both_columns_of_a_journal(table: str, tmp_path: Path) -> None:
+    path = tmp_path / "record.json"
+    path.write_text(json.dumps({"origin": asdict(at("sub-a", 0.6, "published")), **record(2)}))
+    missing = [{"origin": asdict(at("sub-b_hemi-L", 0.6)), "reason": "gate: the surface is open along 3 edges"}]
+    write_mesh_table(table, [str(path)], missing, [tmp_path / "table.tex"], ages=AGES | {"sub-b_hemi-L": None})
+    require_fits(tmp_path / "table.tex")

@@ -38,9 +38,9 @@ def test_the_tsv_has_the_columns_that_its_sidecar_explains(tmp_path: Path) -> No
 
 def test_latex_is_escaped_and_has_rules_between_groups(tmp_path: Path) -> None:
     latex = texts(tmp_path)[".tex"]
-    assert r"\begin{tabular}{lr}" in latex and r"$q_\mathrm{max}$ & v (mm) \\" in latex
-    assert r"a \& b & 1.2 \\" in latex
-    assert r"c $>$ d $\pm$ e 1--2 | & n/a \\" in latex
+    assert r"\begin{tabular}{@{}lr@{}}" in latex and r"$q_\mathrm{max}$ & v (mm) \tabularnewline" in latex
+    assert r"a \& b & 1.2 \tabularnewline" in latex
+    assert r"c $>$ d $\pm$ e 1--2 | & n/a \tabularnewline" in latex
     assert latex.index(r"\toprule") < latex.index(r"\bottomrule")
     assert latex.count(r"\midrule") == 2
 
@@ -93,8 +93,8 @@ def test_numbers_stand_at_the_right_and_have_a_minus_sign(tmp_path: Path) -> Non
     rows = [{"case": "a-1", "v": "-2.90 ± 0.01"}, {"case": "b-1", "v": "-3.1 [-3.2--2.9]"}, {"case": "c", "v": "n/a"}]
     write(Table("Slopes", columns, first=()), rows, tmp_path / "t.tex", tmp_path / "t.md", tmp_path / "t.html")
     latex = (tmp_path / "t.tex").read_text()
-    assert r"\begin{tabular}{lr}" in latex and r"Case & slope \& 1 $-$ $h$ \\" in latex
-    assert r"a-1 & $-$2.90 $\pm$ 0.01 \\" in latex
+    assert r"\begin{tabular}{@{}lr@{}}" in latex and r"Case & slope \& 1 $-$ $h$ \tabularnewline" in latex
+    assert r"a-1 & $-$2.90 $\pm$ 0.01 \tabularnewline" in latex
     assert '<td class="n">-2.90 ± 0.01</td>' in (tmp_path / "t.html").read_text()
     assert "-2.90 ± 0.01 |" in (tmp_path / "t.md").read_text()
 
