@@ -18,7 +18,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.font_manager import get_font_names
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from cortet.formats.atomic import atomic_path
@@ -26,7 +26,7 @@ from cortet.formats.tsv import read_tsv
 from cortet.report import published
 from cortet.report.colours import BLUE, COLOURS, DARK_GREY, GREEN, GREY, VERMILION
 
-VERSION: int = 4
+VERSION: int = 5
 
 #: width of one column and of both columns of a two-column journal, inches
 COLUMN, PAGE = 3.5, 7.2
@@ -181,6 +181,8 @@ def cohort_figure(table: Path, *, limit: float | None = None, target: float | No
                     "age\nn/a", (_BESIDE, 0), xycoords="axes fraction", xytext=(0, -3), textcoords="offset points",
                     ha="center", va="top", fontsize="small", linespacing=0.9,
                 )  # fmt: skip
+        axes[0].xaxis.set_major_locator(MaxNLocator(8, integer=True))
+        axes[1].yaxis.set_major_locator(MaxNLocator(5))
         letter(axes)
         for axis in (axes[0], axes[3]):
             axis.set_ylim(bottom=0)

@@ -50,6 +50,7 @@ def test_each_panel_shows_every_mesh_in_front_of_the_published_ones(figure: Figu
         assert sorted(drawn[:, 1]) == pytest.approx(sorted(values))
         assert sorted(drawn[:, 0]) == [22, 28, 28.5]
         assert axis.get_xlabel() == "gestational age (weeks)"
+        assert all(float(week).is_integer() for week in axis.get_xticks())
 
 
 @pytest.mark.parametrize("known", [True, False])
