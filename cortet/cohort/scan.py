@@ -174,6 +174,9 @@ def _say_which(cases: Sequence[Case], say: Callable[[str], object], *, pial: boo
         elif pial:
             words += f"; no pial surface lies beside {', '.join(case.name for case in white)}"
         say(words)
+    if registered := sum(case.sphere is not None for case in cases):
+        words = f"registered spheres: {registered}; through them the surfaces are resampled onto the common mesh"
+        say(f"{words} (resample.enabled: false keeps their vertices)")
     for case in cases:
         for path in (case.surface, *case.inner.values()):
             if content_is_elsewhere(path):

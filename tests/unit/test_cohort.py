@@ -252,7 +252,9 @@ def test_scan_finds_the_spheres_of_freesurfer(tmp_path: Path) -> None:
     surf.mkdir(parents=True)
     for name in ("lh.white", "lh.sphere", "lh.sphere.reg", "rh.white", "rh.sphere"):
         (surf / name).touch()
-    assert [case.sphere for case in scan(tmp_path)] == [surf / "lh.sphere.reg", None]
+    said: list[str] = []
+    assert [case.sphere for case in scan(tmp_path, say=said.append)] == [surf / "lh.sphere.reg", None]
+    assert "registered spheres: 1; through them the surfaces are resampled" in said[-1]
 
 
 def test_scan_patterns_are_configurable(tmp_path: Path) -> None:
