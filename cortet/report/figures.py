@@ -157,7 +157,7 @@ def cohort_figure(table: Path, *, limit: float | None = None, target: float | No
 
     The number of tetrahedra follows the cell size, so the published ones are shown only beside meshes of theirs; q
     depends little on it, and a panel with others says what the published one is. Meshes of unknown age are drawn beyond
-    the end of the age axis.
+    the end of the age axis; a cross marks those of known age that are not certified.
 
     Parameters
     ----------
@@ -168,12 +168,17 @@ def cohort_figure(table: Path, *, limit: float | None = None, target: float | No
     rows, theirs = read_tsv(table), published.cohort()
     numbers = ["cell_size_mm", "scan_age", *_PANELS]
     rows[numbers] = rows[numbers].apply(pd.to_numeric, errors="coerce")  # an age may be n/a
+    refused = rows[rows["verdict"] == "fail"] if "verdict" in rows else rows[:0]
     like = bool(np.isclose(rows["cell_size_mm"], published.CELL_SIZE).any())
     with drawn(PAGE, 4.6) as figure:
         axes = figure.subplots(2, 2, sharex=True).ravel()
         for axis, (column, label) in zip(axes, _PANELS.items(), strict=True):
             unit = 1000 if column == "tets" else 1
             _panel(axis, rows, theirs if column in theirs and (like or column != "tets") else None, column, unit)
+            if len(refused):
+                mark = {"s": 22, "marker": "x", "color": "black", "linewidths": 0.8, "clip_on": False, "zorder": 3}
+                label_of = f"not certified ($n$ = {len(refused)})"
+                axis.scatter(refused["scan_age"], refused[column] / unit, label=label_of, **mark)
             axis.set(xlabel="gestational age (weeks)", ylabel=label)
             axis.tick_params(labelbottom=True)
             if rows["scan_age"].isna().any():
@@ -194,12 +199,13 @@ def cohort_figure(table: Path, *, limit: float | None = None, target: float | No
                     f"grey: {H} = {published.CELL_SIZE:g} mm", (0.02, 1), xycoords="axes fraction",
                     ha="left", va="bottom", fontsize="small", color=DARK_GREY,
                 )  # fmt: skip
+        end = 2 * _BESIDE - 1 if rows["scan_age"].isna().any() else 1  # beyond the meshes of unknown age
         for value, name, line in ((limit, "limit", "--"), (target, "target", ":")):
             if value is not None:
                 axes[2].axhline(value, color="black", linestyle=line, linewidth=0.8)
                 axes[2].annotate(
-                    f"{name} {value:g}", (1, value), xycoords=axes[2].get_yaxis_transform(), xytext=(0, 2), ha="right",
-                    textcoords="offset points", fontsize="small",
+                    f"{name}\n{value:g}", (end, value), xycoords=axes[2].get_yaxis_transform(), xytext=(3, 0),
+                    va="center", textcoords="offset points", fontsize="small", linespacing=0.9,
                 )  # fmt: skip
         if target is not None:
             axes[2].set_ylim(bottom=min(axes[2].get_ylim()[0], target - 0.03))

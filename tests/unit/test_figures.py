@@ -92,6 +92,18 @@ def test_meshes_of_other_cells_stand_beside_published_q_only_and_the_panels_say_
     assert "published (CORTET), $h$ = 0.6 mm ($n$ = 194)" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
+def test_a_mesh_that_is_not_certified_is_crossed_out(tmp_path: Path) -> None:
+    table = tmp_path / "cohort_quality.tsv"
+    first, *others = (HEADER + ROWS).splitlines()
+    verdicts = ("pass", "fail", "pass")
+    table.write_text("\n".join([f"{first}\tverdict", *map("\t".join, zip(others, verdicts, strict=True)), ""]))
+    figure = cohort_figure(table)
+    for axis, value in zip(figure.axes, (970, 0.131, 0.41, 0.04), strict=True):
+        (crossed,) = [one for one in axis.collections if "not certified" in str(one.get_label())]
+        assert np.asarray(crossed.get_offsets()).tolist() == [[28.5, value]]
+    assert figure.legends[0].get_texts()[-1].get_text() == "not certified ($n$ = 1)"
+
+
 def test_a_journal_chooses_width_and_letters(tmp_path: Path) -> None:
     assert list(LOOKS) == list(get_args(Figures.model_fields["journal"].annotation))
     table = tmp_path / "cohort_quality.tsv"
