@@ -319,7 +319,9 @@ def _panel(axis: Axes, rows: pd.DataFrame, theirs: pd.DataFrame | None, column: 
             if not known.all():
                 values, outside = chosen[column][~known] / unit, axis.get_yaxis_transform()
                 axis.scatter(np.full(len(values), _BESIDE), values, transform=outside, **style)
-                ages = (rows["scan_age"] if theirs is None else theirs["scan_age_weeks"]).dropna()
-                middle = float(ages.median()) if len(ages) else 0.0  # the value axis covers theirs, too
+                ages = rows["scan_age"].dropna()
+                if theirs is not None or ages.empty:
+                    ages = published.cohort()["scan_age_weeks"]
+                middle = float(ages.median())  # the value axis covers theirs, too
                 axis.update_datalim([(middle, value) for value in values])
                 axis.autoscale_view()

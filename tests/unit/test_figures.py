@@ -58,6 +58,7 @@ def test_meshes_of_unknown_age_stand_beyond_the_axis_of_ages(tmp_path: Path, kno
     table = tmp_path / "cohort_quality.tsv"
     table.write_text(HEADER + (ROWS if known else "") + "sub-4_hemi-L\tL\tn/a\t0.6\t390000\t0.129\t0.4\t0.03\n")
     for axis, value in zip(cohort_figure(table).axes, (390, 0.129, 0.4, 0.03), strict=True):
+        assert axis.get_xlim()[0] > 15, "no age is near 0"
         theirs = value != 0.03  # nobody published that
         beside = axis.collections[1 + theirs if known else -1]
         ((x, y),) = np.asarray(beside.get_offsets())
