@@ -22,6 +22,7 @@ from cortet.formats.set_arrays import holds_set
 from cortet.formats.untrusted import check_file, naming, sound
 from cortet.geometry.topology import edges, used_vertices
 from cortet.meshes import IntArray, TetMesh
+from cortet.solver_files.fields import Q, with_q
 from cortet.solver_files.surface_map import Depth, SurfaceMap, applied
 
 #: units that the coordinates of a result may have -> mm
@@ -184,9 +185,10 @@ def on_surface(
         nodal = {name: values[order.nodes] for name, values in last.point_data.items()}
         elementwise = {}
         if order.cells is not None:
-            elementwise = {
-                name: applied(found.from_cells, values[order.cells]) for name, values in last.cell_data.items()
-            }
+            by_cell = {name: values[order.cells] for name, values in last.cell_data.items()}
+            if np.array_equal(by_cell.get(Q, ()), with_q(mesh).cell_data[Q]):  # of the mesh, as its file has it
+                del by_cell[Q]
+            elementwise = {name: applied(found.from_cells, values) for name, values in by_cell.items()}
         elif last.cell_data:
             told |= {"its tetrahedra are not those of the mesh: fields of elements are left out": None}
         if both := sorted(nodal.keys() & elementwise.keys()):

@@ -485,8 +485,8 @@ def test_any_map_of_a_surface_is_drawn(folder: Path, capsys: pytest.CaptureFixtu
     ):
         assert main(["picture", "x.surf.gii", "--field", field, *words, "-o", "no.png"]) == 1
         assert said in capsys.readouterr().err
-    assert main(["picture", "x.vtu", "--name", "height", "-o", "no.png"]) == 1
-    assert main(["picture", "x.surf.gii", "--field", "m.func.gii", "--plane", "x", "-o", "no.png"]) == 1
+    assert main(["picture", "x.vtu", "--name", "height", "-o", "no.png"]) == 2
+    assert main(["picture", "x.surf.gii", "--field", "m.func.gii", "--plane", "x", "-o", "no.png"]) == 2
     assert not Path("no.png").exists()
 
 
@@ -496,6 +496,10 @@ def test_sets_are_no_results(folder: Path, mesh: TetMesh) -> None:
     result.save("r.vtu")
     assert project("r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii") == 0
     assert set(arrays("r.func.gii")) == {"height"}
+    result.cell_data["q"] = np.ones(len(mesh.cells))  # a field of the solver that has this name
+    result.save("s.vtu")
+    assert project("s.vtu", "--mesh", "x.vtu", "-o", "s.func.gii") == 0
+    assert set(arrays("s.func.gii")) == {"height", "q"}
 
 
 def test_a_result_of_calculix_is_read(folder: Path, mesh: TetMesh) -> None:
