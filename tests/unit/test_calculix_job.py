@@ -67,7 +67,7 @@ def test_the_command_writes_a_job_of_ten_nodes(tmp_path: Path) -> None:
     command = ["job", str(tmp_path / "ball.vtu"), "--ten-nodes", str(tmp_path / "ball.surf.gii")]
     assert main([*command, "-o", str(tmp_path / "job")]) == 0
     assert "*ELEMENT, TYPE=C3D10" in (tmp_path / "job/mesh.inp").read_text()
-    assert main([*command, "--solver", "febio", "-o", str(tmp_path / "other")]) == 1
+    assert main([*command, "--solver", "febio", "-o", str(tmp_path / "other")]) == 2
 
 
 def of_layers(radii: list[float], moduli: list[tuple[float, float]], grows: int, growth: float) -> np.ndarray:
@@ -137,7 +137,7 @@ def test_materials_of_no_set_and_for_febio_are_refused(tmp_path: Path, capsys: p
     command = ["job", str(tmp_path / "cube.vtu"), "-o", str(tmp_path / "job")]
     assert main([*command, "--material", "tumour=2"]) == 1
     assert "no set of tetrahedra tumour (name one of" in capsys.readouterr().err
-    assert main([*command, "--solver", "febio", "--material", "core=2"]) == 1
+    assert main([*command, "--solver", "febio", "--material", "core=2"]) == 2
     assert main([*command, "--solver", "fenics", "--material", "core=2,7"]) == 0
     moduli = np.load(tmp_path / "job/moduli.npy")
     assert sorted(set(map(tuple, moduli.tolist()))) == [(1.0, 5.0), (2.0, 7.0)]

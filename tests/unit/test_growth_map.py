@@ -107,7 +107,7 @@ def test_surfaces_in_the_wrong_order_are_refused() -> None:
 def test_an_output_that_is_no_gifti_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_surface(ball_surface(2, radius=25.0), tmp_path / "x.surf.gii")
     surfaces = [str(tmp_path / "x.surf.gii")] * 2
-    assert main(["growth", *surfaces, "--ages", "28", "30", "-o", str(tmp_path / "map")]) == 1
+    assert main(["growth", *surfaces, "--ages", "28", "30", "-o", str(tmp_path / "map")]) == 2
     assert "map: is not the name of a GIfTI file (end it in .func.gii)" in capsys.readouterr().err
 
 
