@@ -23,7 +23,7 @@ from cortet.folding.law import (
     stretches,
     vector,
 )
-from cortet.folding.smoothing import PER_ELEMENT, deformations
+from cortet.folding.smoothing import PER_ELEMENT, deformations, edge_deformation
 from cortet.folding.state import Moment, Run
 from cortet.meshes import FloatArray
 
@@ -84,8 +84,7 @@ def _mechanics(body, material, edges, x, ratio, growth, thickening):  # type: ig
         if part > 0:
             largest[e] *= material.own
             for k in range(e * PER_ELEMENT, (e + 1) * PER_ELEMENT):
-                f = of_edges[edges[0][k]]
-                f0, f1, f2 = (f[0], f[1], f[2]), (f[3], f[4], f[5]), (f[6], f[7], f[8])
+                f0, f1, f2 = edge_deformation(of_edges, edges[0][k])
                 of_edge, stretch = _cauchy(f0, f1, f2, mu * part, 0.0)
                 sigma[e] += of_edge
                 largest[e] += part * stretch

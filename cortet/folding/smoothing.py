@@ -103,13 +103,38 @@ def _sum_of_edge(edges, i):  # type: ignore[no-untyped-def]
     return _summed(weighted, around, starts[i], starts[i + 1])
 
 
+@inlined
+def mean_deformation(edges, means, e):  # type: ignore[no-untyped-def]
+    """Rows of the mean F of the six edges of element e, from `deformations`."""
+    _, a, b, c, d, f, g, h, i, j = _summed(means, edges[0], e * PER_ELEMENT, (e + 1) * PER_ELEMENT)
+    return scaled(1 / PER_ELEMENT, (a, b, c)), scaled(1 / PER_ELEMENT, (d, f, g)), scaled(1 / PER_ELEMENT, (h, i, j))
+
+
+@inlined
+def edge_deformation(means, i):  # type: ignore[no-untyped-def]
+    """Rows of F of edge i, from `deformations`."""
+    t = i * TEN + 1
+    return (
+        (means[t], means[t + 1], means[t + 2]),
+        (means[t + 3], means[t + 4], means[t + 5]),
+        (means[t + 6], means[t + 7], means[t + 8]),
+    )
+
+
 @numba.njit(parallel=True, cache=True, error_model="numpy")
 def deformations(edges):  # type: ignore[no-untyped-def]
-    """F of each edge (d, 9) at the positions for which `kernels.energies` ran last; `edges` is a tuple of `Edges`."""
-    found = np.empty((len(edges[1]) - 1, 9))
-    for i in numba.prange(len(found)):
+    """F of each edge at the positions for which `kernels.energies` ran last: (10 d,), one number and nine components.
+
+    Parameters
+    ----------
+    edges : a tuple of `Edges`
+    """
+    found = np.empty((len(edges[1]) - 1) * TEN)
+    for i in numba.prange(len(edges[1]) - 1):
         w, a, b, c, d, e, f, g, h, k = _sum_of_edge(edges, i)
-        found[i] = np.array((a, b, c, d, e, f, g, h, k)) / w
+        r, t = 1 / w, i * TEN
+        found[t], found[t + 1], found[t + 2], found[t + 3], found[t + 4] = w, r * a, r * b, r * c, r * d
+        found[t + 5], found[t + 6], found[t + 7], found[t + 8], found[t + 9] = r * e, r * f, r * g, r * h, r * k
     return found
 
 
