@@ -37,7 +37,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -51,7 +51,7 @@ from cortet.folding import real_brains
 from cortet.folding.body import scale_of
 from cortet.folding.fold import fold
 from cortet.folding.fold_figures import curves, draw
-from cortet.folding.growth import AREA, HULL, VOLUME, age_of, usual
+from cortet.folding.growth import AREA, HULL, VOLUME, ByAge, age_of, usual
 from cortet.folding.journal import TABLE, VERDICT
 from cortet.folding.measurements import shape
 from cortet.folding.medial_wall import medial_wall
@@ -415,6 +415,13 @@ def determined(base: FloatArray, stepped: FloatArray, step: float) -> FloatArray
     return np.asarray(np.sqrt(np.diag(np.linalg.pinv(slopes @ slopes.T))))
 
 
+def larger(value: ByAge, share: float) -> ByAge:
+    """A constant, or all values of a table by age, larger by a share."""
+    if isinstance(value, Mapping):
+        return {age: of_age * (1 + share) for age, of_age in value.items()}
+    return value * (1 + share)
+
+
 def run_of(mesh: TetMesh, folder: Path, settings: Settings) -> pd.DataFrame:
     """The table of a run, which is made unless its verdict is there."""
     if not (folder / VERDICT).exists():
@@ -438,8 +445,8 @@ def fit(
     found = {"base": misses(run_of(body, output / "base", common.with_keys(**constants)))}
     print("run                       misses in standard errors (and in % of the target):  " + "  ".join(found["base"]))
     for name in ("base", *PARAMETERS):
-        changed = {} if name == "base" else {name: constants[name] * (1 + step)}
-        label = name if name == "base" else f"{name}={changed[name]:.4g}"
+        changed = {} if name == "base" else {name: larger(constants[name], step)}
+        label = name if name == "base" else f"{name}_times_{1 + step:g}"
         rows = run_of(body, output / label, common.with_keys(**(constants | changed)))
         found[name] = misses(rows)
         errors = {target.column: target.error for target in targets(rows, TARGET_WEEKS)}
@@ -447,12 +454,11 @@ def fit(
         print(f"{label:26s}" + "  ".join(f"{rms[c]:5.2f} ({100 * rms[c] * errors[c]:4.1f} %)" for c in rms), flush=True)
     flat = {name: np.concatenate(list(missed.values())) for name, missed in found.items()}
     left = determined(flat["base"], np.array([flat[name] for name in PARAMETERS]), step)
-    print("\nparameter         value   standard error   moves most, per 10 % of it")
+    print("\nparameter        standard error   moves most, per 10 % of it")
     for name, error in zip(PARAMETERS, left, strict=True):
         moved = {c: float((found[name][c] - found["base"][c]).mean()) * 0.1 / step for c in found["base"]}
         column = max(moved, key=lambda c: abs(moved[c]))
-        print(f"{name:16s} {constants[name]:7.4g} {abs(error * constants[name]):10.2g} ({100 * error:4.1f} %)   "
-              f"{column} by {moved[column]:+.2f} standard errors")  # fmt: skip
+        print(f"{name:16s} {100 * error:12.1f} %   {column} by {moved[column]:+.2f} standard errors")
 
 
 # --- the reference ---------------------------------------------------------------------------------------------------

@@ -1,7 +1,7 @@
 """Does the folding solver do what theory says: onset and width of folds, displacements, and no imprint of a lattice?
 
     python benchmarks/fold_solver.py [--spacing 0.5] [--thickness 1 2] [--stiffness 0.5 1 2 5 10 20] [--across -0.25]
-    python benchmarks/fold_solver.py yielding [--spacing 0.5] [--stiffness 1 2] [--times 2 0.5] [--rate 0.039]
+    python benchmarks/fold_solver.py yielding [--spacing 0.5] [--height 1] [--stiffness 1 2] [--times 2 0.5]
     python benchmarks/fold_solver.py balls [--nodes 12000] [--thickness 0.12 0.18] [--stiffness 4 16]
     python benchmarks/fold_solver.py growing_ball [--cell-sizes 2.5 1.75 1.25] [--growth 0.02] [--dolfinx PYTHON]
     python benchmarks/fold_solver.py imprint LATTICE_RUN OTHER_RUN --cell-size 0.8
@@ -60,7 +60,7 @@ import pyvista
 import trimesh
 from _frame import command, cpu_seconds
 from cubes import KUHN
-from fold_theory import AMPLIFIED, Onset, first_wave, onset
+from fold_theory import AMPLIFIED, RATE, Onset, first_wave, onset
 from numpy.typing import NDArray
 from scipy.fft import dct
 from scipy.spatial import ConvexHull, Delaunay, cKDTree
@@ -76,7 +76,7 @@ from cortet.folding.growth import Linear
 from cortet.folding.journal import SERIES, TABLE
 from cortet.folding.kernels import DONE, LIST_OUTDATED, Motion, advance, energies, workspace
 from cortet.folding.law import ACROSS
-from cortet.folding.models import CONSTANTS, course, tangential
+from cortet.folding.models import course, tangential
 from cortet.folding.patches import renew
 from cortet.folding.relaxation import relax
 from cortet.folding.stability import longest_step
@@ -129,12 +129,15 @@ class Wrinkles(NamedTuple):
     heights: FloatArray
 
 
-def strip(length: float, depth: float, film: float, spacing: float) -> TetMesh:
-    """A box [0, length] x [0, spacing] x [-depth, 0] of Kuhn tetrahedra, finest down to twice the film's thickness."""
-    fine = np.arange(0, 2 * film, spacing / 2)
+def strip(length: float, depth: float, film: float, spacing: float, height: float = 0.5) -> TetMesh:
+    """A box [0, length] x [0, spacing] x [-depth, 0] of Kuhn tetrahedra, finest down to twice the film's thickness.
+
+    height : of the finest cells, over `spacing`
+    """
+    fine = np.arange(0, 2 * film, spacing * height)
     coarse = [2 * film]
     while coarse[-1] < depth:
-        coarse.append(coarse[-1] + min(spacing / 2 * _GRADING ** len(coarse), depth / 6))
+        coarse.append(coarse[-1] + min(spacing * height * _GRADING ** len(coarse), depth / 6))
     z = -np.concatenate([fine, coarse])[::-1]
     axes = np.linspace(0, length, round(length / spacing) + 1), np.array([0.0, spacing]), z
     points = np.stack([w.ravel() for w in np.meshgrid(*axes, indexing="ij")], axis=1)
@@ -344,12 +347,15 @@ def sharp(strip: Strip) -> Strip:
     return strip._replace(body=strip.body._replace(depth=depth))
 
 
-def growth_of_bump(wavelength: float, spacing: float, material: Material, yielding: float, slow: float) -> float:
+def growth_of_bump(
+    wavelength: float, spacing: float, height: float, material: Material, yielding: float, slow: float
+) -> float:
     """Growth along at which a bump on a film 1 thick is `AMPLIFIED` times as high; NaN: none up to 1.
 
+    height : of the finest cells, over `spacing`
     slow : growth along in the time in which a shear wave of the base crosses the wave
     """
-    flat = film(strip(wavelength, 2 * wavelength + 2, 1.0, spacing), 1.0)
+    flat = film(strip(wavelength, 2 * wavelength + 2, 1.0, spacing, height), 1.0)
     wave = np.cos(2 * np.pi * flat.points[:, 0] / wavelength)
     bumpy = flat.points.copy()
     bumpy[:, 2] += _SMALL_BUMP * wave * np.exp(2 * np.pi / wavelength * bumpy[:, 2]) * ~flat.held[2]
@@ -371,11 +377,15 @@ def yielding(
     spacing: float = 0.5,
     stiffness: Sequence[float] = (1.0, 2.0),
     times: Sequence[float] = (2.0, 0.5),
-    rate: float = CONSTANTS["growing"].growth_rate,
+    rate: float = RATE,
     slow: float = 0.005,
+    height: float = 0.5,
+    damping: float = Material().damping,
 ) -> None:
     """Compare bumps on a base that yields with theory.
 
+    height : of the finest cells, over `spacing`
+    damping : see `Material`
     times : in which the base relaxes, weeks
     rate : growth along per week
     slow : growth along in the time in which a shear wave of the base crosses a wave
@@ -383,10 +393,10 @@ def yielding(
     print("                  exact               measured / exact")
     print("stiffness  weeks  growth  wavelength  growth  wavelength  CPU s")
     for ratio, weeks in product(stiffness, times):
-        began, material = time.process_time(), material_of(ratio)
+        began, material = time.process_time(), material_of(ratio)._replace(damping=damping)
         growth, wavelength = first_wave(material, rate * weeks)
         waves = np.array(_WAVES) * wavelength
-        found = least(waves, [growth_of_bump(wave, spacing, material, rate * weeks, slow) for wave in waves])
+        found = least(waves, [growth_of_bump(wave, spacing, height, material, rate * weeks, slow) for wave in waves])
         print(
             f"{ratio:9g} {weeks:6g} {growth:7.4f} {wavelength:11.2f} {found[0] / growth:7.3f}"
             f" {found[1] / wavelength:11.2f} {time.process_time() - began:6.0f}",

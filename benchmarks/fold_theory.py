@@ -58,6 +58,9 @@ _TRIED = 30
 #: Gauss points of an element of [-1, 1], and their weights
 _GAUSS = np.polynomial.legendre.leggauss(3)
 
+#: growth along per week of the model `growing`, until 34 weeks
+RATE = float(by_age(CONSTANTS["growing"].growth_rate)(np.array([34.0]))[0]) / (34 - ORIGIN)
+
 #: share of the full growth (k,) at depths (k,) in thicknesses
 Profile = Callable[[FloatArray], FloatArray]
 
@@ -317,7 +320,7 @@ def yielding(
     *,
     stiffness: Sequence[float] = (1.0, 2.0, 6.67),
     time: Sequence[float] = (np.inf, 4.0, 2.0, 1.0, 0.5, 0.25),
-    rate: float = CONSTANTS["growing"].growth_rate,
+    rate: float = RATE,
     across: float = 0.0,
 ) -> None:
     """The first wave for each stiffness and relaxation time of the base.
@@ -440,7 +443,7 @@ def print_ages(model: Growing, thickness: float, stiffnesses: list[float]) -> di
 
 def ages(
     *,
-    rate: float = CONSTANTS["growing"].growth_rate,
+    rate: float = RATE,
     thickness: float = CONSTANTS["growing"].thickness,
     thickness_rate: float = CONSTANTS["growing"].thickness_rate,
     stiffness: Sequence[float] = (1, 1.5, 2, 3, 4, 5, 7, 10),

@@ -68,6 +68,12 @@ def growth_share(depth, thickness, mask):  # type: ignore[no-untyped-def]
     return mask / (1 + exponential(10 * (depth / thickness - 1)))
 
 
+@fast
+def depth_of_share(share, thickness):  # type: ignore[no-untyped-def]
+    """Depth at which the share of the cortex is `share`, at the mask 1."""
+    return thickness * (1 + np.log(max(1 / share - 1, 1e-12)) / 10)
+
+
 @inlined
 def own_growth(share, amount, along, across, core):  # type: ignore[no-untyped-def]
     """Growth of an element along the surface and across it.

@@ -68,21 +68,22 @@ class Constants(NamedTuple):
     thickness: float | None = None
     envelope: bool = False
     core_relaxation: Time = "elastic"
-    #: see `Material.own`; no setting
+    #: see `Material`; no settings
+    damping: float = Material().damping
     own: float = Material().own
 
 
 #: `growing`: calibrated on CRL's atlas of 22 weeks (docs/notes/folding.md); BrainGrowth: Wang et al. 2021
 CONSTANTS = {
     "growing": Constants(
-        growth_rate=0.026,
+        growth_rate={22: 0.0, 28: 0.14, 34: 0.28, 38: 0.335, 42: 0.36},
         core_stiffness=1.0,
         thickness_rate=-0.02,
         thickness=1.25,
         envelope=True,
         core_relaxation=0.1,
     ),
-    "braingrowth": Constants(growth_rate=1.829, core_stiffness=1.167, own=1.0),
+    "braingrowth": Constants(growth_rate=1.829, core_stiffness=1.167, damping=0.5, own=1.0),
 }
 
 

@@ -82,7 +82,7 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
     mesh, node, cell = _ordered(mesh)
     scale = scale_of(mesh, settings.hemisphere, reference=settings.reference)
     chosen, start = constants(settings), time_of(settings.gestational_age)
-    material = Material(mu_core=chosen.core_stiffness, own=chosen.own)
+    material = Material(mu_core=chosen.core_stiffness, damping=chosen.damping, own=chosen.own)
     labels, regions = labels_of(mesh, settings)
     wall = None
     if settings.hemisphere is not None and not settings.reference:
@@ -92,7 +92,10 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
     if settings.model == "growing":  # growth and stiffness of a spot are independent
         mask, amount = default_mask(mesh, scale, held), amount_of_growth(mesh)
     thickness = thickness_at_start(settings, scale)
-    body = body_of(mesh, scale, thickness=thickness, mask=mask, amount=amount, labels=labels, held=held)
+    reference = settings.reference
+    body = body_of(
+        mesh, scale, thickness=thickness, mask=mask, amount=amount, labels=labels, held=held, reference=reference
+    )
     if regions is not None:
         body = body._replace(label=body.label * (len(settings.core_regions) + 1) + regions)
     if settings.region_stiffness:
