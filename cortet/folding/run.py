@@ -57,6 +57,8 @@ _CHUNK = 25
 _EARLY_CHUNK, _EARLY_STEPS = 5, 250
 #: steps during which the growth of a map is constant: that in the middle of them
 _ALIKE = 5
+#: longest step, a hundred in the shortest week: cells large enough for longer ones do not resolve growth
+_LONGEST_STEP = 4e-4
 #: contact and medial plane of the reference
 _REFERENCE = {"gap": 0.004, "plane": 1.0, "penalty": REFERENCE_PENALTY}
 #: hemisphere -> side of the medial plane in RAS coordinates
@@ -238,7 +240,7 @@ def _longest_step(run: Run, moment: Moment) -> float:
         thickening=float(course.thickening[0]),
         mode=moment.mode,
     )
-    return step
+    return min(step, _LONGEST_STEP)
 
 
 def _advance_over(run: Run, moment: Moment, times: FloatArray, dt: float, energy: float) -> tuple[bool, float]:

@@ -6,8 +6,7 @@ form between two measurements. A contact of stiffness k joins a node with three 
 Gershgorin's theorem the eigenvalue is at most 4 k / m, for a node of mass m that touches a triangle while one other
 node touches one of its own. Contacts of light nodes are softer (`Contact.weight`), so that k / m is the same for all.
 
-The eigenvalues of two matrices add up at most, so the step is that for their sum. Coarse cells would allow steps in
-which growth is no longer slow, so a step is also a small part of the time in which damping ends a motion.
+The eigenvalues of two matrices add up at most, so the step is that for their sum.
 """
 
 from __future__ import annotations
@@ -21,8 +20,6 @@ from cortet.meshes import FloatArray
 
 #: part of the longest stable step that is taken: power iteration approaches the largest eigenvalue from below
 MARGIN = 0.9
-#: longest step over the time in which damping ends a motion
-_OF_DAMPING = 0.02
 #: rounds of power iteration from a random start, and from the mode of a slightly different body
 FIRST, NEXT = 30, 2
 #: largest displacement by which forces are differentiated; the body has a size of about 1
@@ -39,7 +36,7 @@ def longest_step(
     thickening: float = 0.0,
     mode: FloatArray | None = None,
 ) -> tuple[float, FloatArray]:
-    """The time step that a run takes, and the mode of the body's largest eigenvalue.
+    """The longest time step that is stable, with a margin, and the mode of the body's largest eigenvalue.
 
     Parameters
     ----------
@@ -50,8 +47,7 @@ def longest_step(
     body, mode = largest_eigenvalue(material, x, work, growth, thickening=thickening, mode=mode)
     value = body + largest_of_contacts(contact, material, work.node_grown)
     damping = material.damping / material.density
-    stable = MARGIN * (float(np.sqrt(damping**2 + 4 * value)) - damping) / value
-    return (min(stable, _OF_DAMPING / damping) if damping else stable), mode
+    return MARGIN * (float(np.sqrt(damping**2 + 4 * value)) - damping) / value, mode
 
 
 def largest_eigenvalue(

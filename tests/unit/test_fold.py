@@ -124,7 +124,7 @@ def test_a_run_says_how_thick_its_cortex_is(ball: TetMesh, tmp_path: Path) -> No
 def test_a_run_says_how_much_the_whole_grows(ball: TetMesh, tmp_path: Path) -> None:
     said: list[str] = []
     fold(ball, tmp_path, QUICK.with_keys(end=22.2), say=said.append)
-    assert said[1].startswith("until 22.2 weeks lengths of the core grow by 1.02; beside it the cortex grows by 1.01 ")
+    assert said[1].startswith("until 22.2 weeks lengths of the core grow by 1.02; beside it the cortex grows by 1.00 ")
     assert said[1].endswith("across; an envelope grows by 1.01")
 
 
@@ -145,7 +145,9 @@ def test_each_model_has_a_stiffness_and_settings_another(ball: TetMesh) -> None:
 
 def test_the_time_step_follows_the_body(ball: TetMesh) -> None:
     run = prepared(ball, QUICK)
-    run = run._replace(material=run.material._replace(damping=0.1))  # whose damping does not limit it
+    run = run._replace(
+        material=run.material._replace(density=1e-4)
+    )  # so that stability limits the step of its large cells
     moment = beginning(run)
     free = time_step_of(run, moment)
     moment.state.x[:, 2] *= 0.03
