@@ -5,6 +5,7 @@
     python benchmarks/fold_brain.py --table FOLDER
     python benchmarks/fold_brain.py fit MESH --ga 22 --hemi L --output DIR [--step 0.15] [--end 36]
         [--base NAME=VALUE ...]
+    python benchmarks/fold_brain.py drag MESH --ga 22 --hemi L --output DIR [--damping 0.5 0.1 0.05 0.02] [--end 30]
     python benchmarks/fold_brain.py reference sphere5.mesh [--end 0.5] --output DIR
 
 RUN are folders of `cortet fold` that differ by chance alone, as seeds of a mesh do: their mean is shown, and half of
@@ -25,6 +26,9 @@ real folds, every second week. The first table has what runs miss of them, root 
 per cent. The second has what one standard error of all targets leaves of each parameter (the inverse of the
 Gauss-Newton matrix), and which target it follows most. Gyrification index, depth, hull and extents are not targets:
 the table by week compares them. A run that is in DIR already is not made again.
+
+`drag`: folds the mesh with each damping of the solver (`Material.damping`), and prints index, area, width and depth of
+folds every second week.
 
 `reference`: `sphere5.mesh` of BrainGrowth, a whole body, grows from t = 0 with the choices and the time step of the
 reference (`fold.reference`). The table holds area, volume and gyrification index of the surface, the first two
@@ -461,6 +465,34 @@ def fit(
         print(f"{name:16s} {100 * error:12.1f} %   {column} by {moved[column]:+.2f} standard errors")
 
 
+# --- the solver's own drag -------------------------------------------------------------------------------------------
+
+
+def drag(
+    mesh: Path,
+    *,
+    ga: float,
+    hemi: str,
+    output: Path,
+    end: float = 30.0,
+    damping: Sequence[float] = (0.5, 0.1, 0.05, 0.02),
+) -> None:
+    """Make the runs that are missing and print what damping changes."""
+    numba.set_num_threads(1)
+    body, usual_constants = vtu.read(mesh), CONSTANTS["growing"]
+    print("damping  weeks  index   area, cm2  width, mm  depth, mm")
+    for value in damping:
+        CONSTANTS["growing"] = usual_constants._replace(damping=value)
+        rows = run_of(body, output / f"{value:g}", Settings(gestational_age=ga, hemisphere=hemi, end=end))
+        for week in np.arange(np.ceil(ga) + 2, end + 1e-6, 2):
+            row = rows.loc[(rows["gestational_age"] - week).abs().idxmin()]
+            print(
+                f"{value:7g} {week:6g} {row.gyrification_index:6.3f} {row.area_mm2 / 100:11.1f}"
+                f" {row.fold_spacing_mm:10.2f} {row.sulcal_depth_mm:10.3f}",
+                flush=True,
+            )
+
+
 # --- the reference ---------------------------------------------------------------------------------------------------
 
 #: of the reference: 0.05 sqrt(rho / K) times a mesh spacing of 0.01
@@ -530,7 +562,7 @@ def reference(mesh: Path = Path("../shared/data/tallinen/sphere5.mesh"), *, outp
         print(f"{path}: drawn")
 
 
-main = command(__doc__, weeks, fit, reference)
+main = command(__doc__, weeks, fit, drag, reference)
 
 if __name__ == "__main__":
     main()

@@ -94,9 +94,15 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
     if settings.model == "growing":  # growth and stiffness of a spot are independent
         mask, amount = default_mask(mesh, scale, held), amount_of_growth(mesh)
     thickness = thickness_at_start(settings, scale)
-    reference = settings.reference
     body = body_of(
-        mesh, scale, thickness=thickness, mask=mask, amount=amount, labels=labels, held=held, reference=reference
+        mesh,
+        scale,
+        thickness=thickness,
+        mask=mask,
+        amount=amount,
+        labels=labels,
+        held=held,
+        reference=settings.reference,
     )
     if regions is not None:
         body = body._replace(label=body.label * (len(settings.core_regions) + 1) + regions)
