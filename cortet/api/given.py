@@ -10,6 +10,7 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface, surface_of
@@ -31,6 +32,25 @@ class Later(ModuleType):
         if name.startswith("__"):
             raise AttributeError(name)
         return getattr(import_module(self.__name__), name)
+
+
+def values_of(given: ArrayLike) -> NDArray[Any]:
+    """Numbers or labels, one or several for each place: (n,) or (n, k).
+
+    Raises
+    ------
+    InputError : they are no numbers, or of another shape
+    """
+    try:
+        values = np.asarray(given)
+        values = values.astype(np.float64) if values.dtype == object else values
+    except (TypeError, ValueError) as error:  # rows of several lengths, or things without a number
+        raise InputError(f"values are no numbers: {error}", remedy="give numbers, (n,) or (n, k)") from error
+    if values.dtype.kind not in "biuf" or values.ndim not in (1, 2):
+        raise InputError(
+            f"values are of the type {values.dtype} and the shape {values.shape}", remedy="give numbers, (n,) or (n, k)"
+        )
+    return values
 
 
 def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:

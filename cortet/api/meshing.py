@@ -23,6 +23,7 @@ from cortet.api.given import (
     require_named,
     require_region_names,
     surface,
+    values_of,
 )
 from cortet.config import Config, load, read
 from cortet.errors import InputError
@@ -143,9 +144,9 @@ class Mesh:
 
         Raises
         ------
-        InputError : there are other numbers of values, or no such surface
+        InputError : there are other numbers of values, or no numbers, or no such surface
         """
-        return self.surface_map(region).on_surface(np.asarray(values), depth)
+        return self.surface_map(region).on_surface(values_of(values), depth)
 
     def from_surface(self, values: ArrayLike, *, fit: bool = False, region: str | None = None) -> NDArray[Any]:
         """Values of the given surface, (v,) or (v, k), at the nodes: (n,) or (n, k), NaN inside.
@@ -160,9 +161,9 @@ class Mesh:
 
         Raises
         ------
-        InputError : there is another number of values, no such surface, or labels are to be fitted
+        InputError : there is another number of values, or no numbers, no such surface, or labels are to be fitted
         """
-        found, given = self.surface_map(region), np.asarray(values)
+        found, given = self.surface_map(region), values_of(values)
         if len(given) != found.from_surface.shape[1]:
             raise InputError(
                 f"{len(given):,} values for a surface of {found.from_surface.shape[1]:,} vertices",

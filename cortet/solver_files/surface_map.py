@@ -130,7 +130,7 @@ class SurfaceMap:
         """Values of the native surface, (v,) or (v, k), at the nodes: those that `on_surface` brings back best.
 
         Least squares fit what no linear function explains, from the interpolated values on. Linear functions stay
-        exact. A node is NaN where interpolation has no value.
+        exact. Values that are not finite do not count. A node is NaN where interpolation has no value.
 
         Raises
         ------
@@ -139,15 +139,17 @@ class SurfaceMap:
         if is_label(values):
             raise InputError("integers are labels, which nothing fits", remedy="give numbers, or do without fit")
         columns = values.reshape(len(values), -1).astype(np.float64)
-        known = np.isfinite(self.points).all(axis=1) & np.isfinite(columns).all(axis=1)
         there, nodes = (np.column_stack([places, np.ones(len(places))]) for places in (self.points, self.mesh.points))
-        linear = np.linalg.lstsq(there[known], columns[known])[0]
-        rest = columns - there @ linear
-        first = applied(self.from_surface, rest)
-        for place, column in enumerate(rest.T):
-            begin = np.nan_to_num(first[:, place])
-            first[:, place] += lsqr(self.to_surface[known], column[known], x0=begin, **_FIT)[0] - begin
-        return np.asarray(first + nodes @ linear).reshape(len(nodes), *values.shape[1:])
+        found = np.empty((len(nodes), columns.shape[1]))
+        for place, column in enumerate(columns.T):
+            known = np.isfinite(there).all(axis=1) & np.isfinite(column)
+            linear = np.linalg.lstsq(there[known], column[known])[0]
+            rest = np.where(known, column - there @ linear, np.nan)
+            first = applied(self.from_surface, rest)
+            begin = np.nan_to_num(first)
+            change = lsqr(self.to_surface[known], rest[known], x0=begin, **_FIT)[0] - begin
+            found[:, place] = first + change + nodes @ linear
+        return found.reshape(len(nodes), *values.shape[1:])
 
     def at_nodes(self, values: NDArray[Any]) -> NDArray[Any]:
         """Values of nodes as they are, those of tetrahedra as means of those around each node.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -80,7 +81,12 @@ def test_a_fit_ignores_unknown_values_and_refuses_labels(made: cortet.Mesh, ball
     known = np.isfinite(made.from_surface(heights)[nodes])
     assert not known.all() and np.array_equal(np.isfinite(found), known)
     assert np.abs(found - expected)[known].max() < EXACT
-    assert np.isnan(made.from_surface(np.full(len(heights), np.nan), fit=True)).all()
+    unknown = np.full(len(heights), np.nan)
+    assert np.isnan(made.from_surface(unknown, fit=True)).all()
+    beside = made.from_surface(np.column_stack([heights, unknown]), fit=True)
+    assert np.array_equal(beside[nodes, 0], found, equal_nan=True) and np.isnan(beside[:, 1]).all()
+    heights[0] = np.inf
+    assert np.array_equal(made.from_surface(heights, fit=True)[nodes], found, equal_nan=True)
     with pytest.raises(InputError, match="integers are labels, which nothing fits"):
         made.from_surface(np.arange(len(heights)), fit=True)
 
@@ -131,6 +137,13 @@ def test_other_numbers_of_values_and_other_regions_are_refused(made: cortet.Mesh
         made.from_surface([1.0, 2.0, 3.0])
     with pytest.raises(InputError, match="no surface 'white' was given"):
         made.to_surface(made.points, region="white")
+
+
+@pytest.mark.parametrize("values", [3.0, None, [[1.0], [1.0, 2.0]], ["a"], [1j], np.ones((2, 2, 2))])
+def test_what_is_no_list_of_numbers_is_refused(made: cortet.Mesh, values: Any) -> None:
+    for there in (made.to_surface, made.from_surface):
+        with pytest.raises(InputError, match=r"give numbers, \(n,\) or \(n, k\)"):
+            there(values)
 
 
 def test_smoothed_vertices_are_known_by_number_however_far_they_went(made: cortet.Mesh, ball: TriSurface) -> None:
