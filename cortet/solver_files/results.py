@@ -121,9 +121,7 @@ def in_order(result: TetMesh, mesh: TetMesh, *, file: Path, mesh_file: Path) -> 
 
         distances, place = cKDTree(points).query(mesh.points)
         if len(away := np.flatnonzero(distances > most)) or len(np.unique(place)) < len(place):
-            what = (
-                f"{len(away):,} nodes of {mesh_file.name} are not in it, the farthest is {distances.max():.3g} mm away"
-            )
+            what = f"lacks {len(away):,} nodes of {mesh_file.name}, the farthest is {distances.max():.3g} mm away"
             raise _of_another(what, file)
         told.append("its nodes are in another order; they were matched by position")
     nodes = used[place]
@@ -221,9 +219,9 @@ def _as_it_began(step: Step, mesh: TetMesh) -> Step:
     if moved is None or moved.shape != mesh.points.shape or len(found.points) != len(mesh.points):
         return step
     began = found.points - moved
-    if np.abs(began - mesh.points).max() > _ROUNDED * np.ptp(mesh.points, axis=0).max():
-        return step
-    return replace(step, mesh=replace(found, points=began))
+    if np.abs(began - mesh.points).max() <= _ROUNDED * np.ptp(mesh.points, axis=0).max():  # false if one is NaN
+        return replace(step, mesh=replace(found, points=began))
+    return step
 
 
 def _same_mesh(one: TetMesh, other: TetMesh) -> bool:

@@ -529,6 +529,14 @@ def test_a_displacement_of_a_solver_is_no_frame_of_a_fold(folder: Path, mesh: Te
     assert np.abs(found - 0.1 * shapes_of(folder).points - 1).max() < 0.1
 
 
+def test_a_displacement_may_be_unknown_at_a_node(folder: Path, mesh: TetMesh) -> None:
+    result = grid(mesh.points, mesh.cells)
+    result["displacement"] = np.where(np.arange(len(mesh.points))[:, None] == 0, np.nan, mesh.points)
+    result.save("r.vtu")
+    assert project("r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii") == 0
+    assert np.isfinite(arrays("r.func.gii")["displacement_1"]).mean() > 0.9
+
+
 def test_a_mesh_may_come_with_its_matrices(folder: Path) -> None:
     Path("map.yaml").write_text("export: {map: true}")
     made = ["mesh", "x.surf.gii", "--ga", "28", "--cell-size", "3.5", "--config", "map.yaml", "-o", "m.mesh"]
