@@ -36,7 +36,7 @@ from cortet.folding.journal import (
 )
 from cortet.folding.kernels import Motion
 from cortet.folding.measurements import COLUMNS, Measurements
-from cortet.folding.measures import files_in
+from cortet.folding.measures import weeks_in
 from cortet.folding.mechanics import Mechanics, mechanics
 from cortet.folding.patches import renew
 from cortet.folding.plausible import check_cells, check_mesh
@@ -207,7 +207,8 @@ class Journal:
     def resumed(self, run: Run) -> Moment:
         """The moment of the last checkpoint, or the beginning; then files of another run in the folder are deleted.
 
-        Of folded surfaces and their maps those that commands of cortet wrote; jobs of the workflow declare theirs.
+        Of folded surfaces and their maps those that commands of cortet wrote; jobs of the workflow declare theirs. A
+        surface without any map is of another command.
         """
         moment = beginning(run)
         delete_abandoned(self.folder, *FILES)
@@ -215,13 +216,14 @@ class Journal:
         last = load_checkpoint(self.checkpoint, self.fingerprint)
         if last is None:
             frames = sorted(self.folder.glob(f"frames/{_FRAMES}"))
-            maps = [path for path in files_in(self.folder) if is_ours(path)]
+            weeks = ([path for path in files if is_ours(path)] for files in weeks_in(self.folder))
+            maps = [path for files in weeks if len(files) > 1 for path in files]
+            delete(*frames, *maps, *(self.folder / name for name in (VERDICT, SERIES, CHECKPOINT)))
             if frames or maps:
                 logger.warning(
                     "%s: an earlier fold is replaced (frames: %d, surfaces and maps: %d)",
                     *(self.folder, len(frames), len(maps)),
                 )
-            delete(*frames, *maps, *(self.folder / name for name in (VERDICT, SERIES, CHECKPOINT)))
             return moment
         logger.info("resumed at step %d, time %.3f", last.step, last.time)
         self.rows, self.frames, self.seconds = last.rows, last.frames, last.seconds

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import groupby
 from pathlib import Path
 
 #: map -> what it is, and its unit; `folded_surface.maps_of` defines it
@@ -40,10 +41,15 @@ def surface_files(folder: Path, stem: str, week: float | str, kind: str | None =
     return {"surface": folder / f"{begin}_{kind or 'surface'}.surf.gii", **named}
 
 
-def files_in(folder: Path) -> list[Path]:
-    """Files of all weeks of any mesh in a folder."""
+def weeks_in(folder: Path) -> list[list[Path]]:
+    """Files of each week of each mesh in a folder."""
+
+    def week(path: Path) -> str:
+        return path.name.rpartition("_")[0]
+
     patterns = surface_files(Path(), "*", "*", "*").values()
-    return sorted({path for pattern in patterns for path in folder.glob(str(pattern))})
+    files = {path for pattern in patterns for path in folder.glob(str(pattern))}
+    return [list(some) for _, some in groupby(sorted(files, key=lambda path: (week(path), path)), week)]
 
 
 def weeks_of(surfaces: Sequence[float], start: float, end: float) -> list[float]:

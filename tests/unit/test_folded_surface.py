@@ -19,7 +19,7 @@ from cortet.folding.folded_surface import folded_surface, maps_of
 from cortet.folding.growth import time_of
 from cortet.folding.kernels import elastic_forces, nodal_forces
 from cortet.folding.measurements import gaussian_curvature, local_gyrification
-from cortet.folding.measures import MEASURES, files_in, surface_files
+from cortet.folding.measures import MEASURES, surface_files, weeks_in
 from cortet.folding.mechanics import mechanics
 from cortet.folding.run import advance_to, beginning, measured, prepared
 from cortet.folding.section import Settings
@@ -168,12 +168,19 @@ def test_a_new_fold_deletes_what_an_earlier_one_left_in_its_folder(
     assert main([*command, "28.2", "--surfaces", "28.2"]) == 0
     kept = tmp_path / "again/mine_week-28.2_depth.shape.gii"
     kept.write_bytes((tmp_path / "again/x_week-28.2_depth.shape.gii").read_bytes())
+    young = tmp_path / "again/young_week-28_white.surf.gii"
+    assert main(["phantom", "--ga", "28", "--subdivisions", "2", "-o", str(young)]) == 0
+    frame = tmp_path / "again/frames/frame_mine.vtu"
+    frame.touch()
+    assert main([*command, "28.1"]) == 1
     assert "replaced" not in caplog.text
+    frame.unlink()
     (tmp_path / "map.yaml").write_text("fold: {picture: depth}")
     assert main([*command, "28.1", "--surfaces", "28.1", "--config", str(tmp_path / "map.yaml")]) == 0
     assert f"again: an earlier fold is replaced (frames: 2, surfaces and maps: {len(MEASURES) + 1})" in caplog.text
-    assert {path.name for path in files_in(tmp_path / "again")} == {
+    assert {path.name for files in weeks_in(tmp_path / "again") for path in files} == {
         kept.name,
+        young.name,
         *(path.name for path in surface_files(tmp_path, "x", 28.1).values()),
     }
     with_map = (tmp_path / "again/folded.png").read_bytes()
