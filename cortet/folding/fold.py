@@ -54,7 +54,7 @@ VERSION: int = 10
 #: wall time between two checkpoints, and between two updates of the tables
 _CHECKPOINT_SECONDS, _TABLE_SECONDS = 30.0, 1.0
 #: names of frames
-_FRAMES = "frame_*.vtu"
+_FRAMES = "frame_[0-9][0-9][0-9][0-9]*.vtu"
 #: weeks by which two ages may differ and be the same
 SAME_AGE = 1e-6
 #: weeks by which the age in the name of a field may be rounded

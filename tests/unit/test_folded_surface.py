@@ -170,7 +170,7 @@ def test_a_new_fold_deletes_what_an_earlier_one_left_in_its_folder(
     kept.write_bytes((tmp_path / "again/x_week-28.2_depth.shape.gii").read_bytes())
     young = tmp_path / "again/young_week-28_white.surf.gii"
     assert main(["phantom", "--ga", "28", "--subdivisions", "2", "-o", str(young)]) == 0
-    frame = tmp_path / "again/frames/frame_mine.vtu"
+    frame = tmp_path / "again/frames/frame_0077.vtu"
     frame.touch()
     assert main([*command, "28.1"]) == 1
     assert "replaced" not in caplog.text
