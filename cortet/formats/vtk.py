@@ -33,9 +33,9 @@ _TYPES = {
     "vtkidtype": ">i4",
     "unsigned_long": ">u8",
     "long": ">i8",
-    "vtktypeint64": ">i8",
     "float": ">f4",
     "double": ">f8",
+    **{f"vtktype{kind}{8 * size}": f">{kind[0]}{size}" for kind in ("int", "uint") for size in (1, 2, 4, 8)},
 }
 _NAMES = {np.dtype(code): name for name, code in reversed(_TYPES.items())}
 #: sections that hold one array whose name and type follow: number of its components
@@ -144,7 +144,9 @@ class _Grid:
     def _read_fields(self, kind: str, *rest: str) -> None:
         if kind == "FIELD":
             for _ in range(int(rest[1])):
-                name, columns, rows, type_of = self._words()
+                while (words := self._words()) == ["METADATA"]:  # of the array before
+                    self._skip()
+                name, columns, rows, type_of = words
                 self._keep(name, self._values(int(columns) * int(rows), type_of), int(columns), int(rows))
         elif kind in _WIDTHS:
             self._keep(rest[0], self._values(_WIDTHS[kind] * self.rows, rest[1]), _WIDTHS[kind], self.rows)
@@ -154,9 +156,13 @@ class _Grid:
             self._keep(rest[0], self._values(width * self.rows, rest[1]), width, self.rows)
         elif kind == "LOOKUP_TABLE":
             self._values(4 * int(rest[1]), "unsigned_char" if self.binary else "float")
-        else:  # METADATA ends with an empty line
-            while self._line().strip():
-                pass
+        else:
+            self._skip()
+
+    def _skip(self) -> None:
+        """Go behind METADATA, which end with an empty line."""
+        while self._line().strip():
+            pass
 
     def _keep(self, name: str, values: NDArray[Any], width: int, rows: int) -> None:
         if self.rows and rows != self.rows:

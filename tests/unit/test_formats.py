@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import gmsh
@@ -237,6 +238,11 @@ def test_pyvista_and_meshio_read_the_legacy_vtk_file(mesh, tmp_path):
     assert np.array_equal(np.flatnonzero(grid.cell_data["region"] == 1), mesh.sets.cells["cortex"])
     assert np.array_equal(grid.point_data["two words"], mesh.point_data["thickness"])
     assert np.array_equal(meshio.read(path).cells_dict["tetra"], mesh.cells)
+    for number, save in enumerate([grid.save, partial(grid.save, binary=False), meshio.read(path).write]):
+        save(tmp_path / f"{number}.vtk")  # with metadata between arrays, or other names of types
+        again = FORMATS["vtk"].read(tmp_path / f"{number}.vtk")
+        assert np.array_equal(again.cells, mesh.cells)
+        assert_same_sets(again.sets.cells, mesh.sets.cells)
 
 
 @pytest.mark.parametrize("binary", [True, False])
