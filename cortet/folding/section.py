@@ -33,15 +33,15 @@ Model = Literal["growing", "braingrowth"]
 PredictionKind = Literal[
     "mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "braingrowth", "path", "nothing"
 ]
-#: shortest relaxation time, weeks: far below a time step, relaxation takes energy that no account has
-_SHORTEST = 1e-3
+#: shortest relaxation time, weeks: below a time step, relaxation takes energy that no account has
+_SHORTEST = 0.01
 
 
 def _not_below_a_step(time: Any) -> Any:
     """A relaxation time, or times at ages; ValueError for one below `_SHORTEST`."""
     for one in time.values() if isinstance(time, Mapping) else [time]:
         if one != "elastic" and one < _SHORTEST:
-            raise ValueError(f"a time of {one:g} weeks is far below a time step: give {_SHORTEST:g} weeks or more")
+            raise ValueError(f"a time of {one:g} weeks is below a time step: give {_SHORTEST:g} weeks or more")
     return time
 
 
