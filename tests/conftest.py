@@ -13,3 +13,11 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 def one_thread() -> None:
     """Tests are small, and threads that wait for each other on a busy machine take longer than one alone."""
     numba.set_num_threads(1)
+
+
+@pytest.fixture
+def at_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Motion ends within a short fold of a ball: what is compared is a shape at rest."""
+    from cortet.folding.models import CONSTANTS
+
+    monkeypatch.setitem(CONSTANTS, "growing", CONSTANTS["growing"]._replace(damping=0.5))

@@ -169,10 +169,10 @@ def body_of(
     edges = points[cells[:, 1:]] - points[cells[:, :1]]
     volumes = np.linalg.det(edges) / 6
     require_positive(volumes)
-    depth, normals, _ = across_cortex(points, mesh, reference=reference)
-    cortex = cortex_region(mesh, points)
-    if cortex is not None:
-        normals = cortex.direction
+    distance, nearest = nearest_surface_node(points, mesh)
+    faces, cortex = boundary_faces(mesh), cortex_region(mesh, points)
+    depth = distance if reference else closest_points(surface_tree(points, faces), points).distances
+    normals = vertex_normals(points, faces)[nearest] if cortex is None else cortex.direction
     if (given := node_field(mesh, THICKNESS_FIELD)) is not None:
         node_thickness = given / scale.length
         if not node_thickness.min() > 0:
@@ -183,10 +183,13 @@ def body_of(
     node_label = np.zeros(len(points), np.int32) if labels is None else labels
     total = normals[cells].sum(axis=1)
     cell_thickness = node_thickness[cells].mean(axis=1)
-    cell_depth = depth[cells].mean(axis=1) if reference else _mean_depth(depth[cells], cell_thickness, _PLACES)
     if cortex is not None:  # all of it grows as its surface does, and nothing else grows
         cell_thickness = np.where(cortex.cells, cortex.thickness[cells].mean(axis=1), cell_thickness)
         cell_depth = np.where(cortex.cells, 0.0, _NO_GROWTH * cell_thickness)
+    elif reference:
+        cell_depth = depth[cells].mean(axis=1)
+    else:
+        cell_depth = _mean_depth(depth[cells], cell_thickness, _PLACES)
     length = np.linalg.norm(total, axis=1, keepdims=True)
     return Body(
         cells=cells,
@@ -203,21 +206,11 @@ def body_of(
     )
 
 
-def across_cortex(
-    points: FloatArray, mesh: TetMesh, *, reference: bool = False
-) -> tuple[FloatArray, FloatArray, IntArray]:
-    """For each node: its depth (n,), the unit normal at the nearest surface node (n, 3), and that node.
-
-    Parameters
-    ----------
-    reference : the depth is the distance to that node, else to the surface
-    """
-    surface, faces = boundary_nodes(mesh), boundary_faces(mesh)
+def nearest_surface_node(points: FloatArray, mesh: TetMesh) -> tuple[FloatArray, IntArray]:
+    """The distance of each node to the nearest node of the surface, (n,), and that node, (n,)."""
+    surface = boundary_nodes(mesh)
     distance, nearest = cKDTree(points[surface]).query(points)
-    if not reference:
-        distance = closest_points(surface_tree(points, faces), points).distances
-    node = surface[nearest]
-    return distance, vertex_normals(points, faces)[node], node
+    return distance, surface[nearest]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -272,7 +265,7 @@ def amount_of_growth(mesh: TetMesh) -> FloatArray | None:
 def default_mask(mesh: TetMesh, scale: Scale, wall: NDArray[np.bool_] | None = None) -> FloatArray:
     """Whether there is cortex next to the surface, from the medial wall and caps alone: (n,) from 0 to 1."""
     x = (mesh.points - scale.origin) / scale.length
-    nearest = across_cortex(mesh.points, mesh)[2]
+    nearest = nearest_surface_node(mesh.points, mesh)[1]
     surface = boundary_nodes(mesh)
     caps = node_field(mesh, FILLED)
     filled = surface[:0] if caps is None else surface[caps[surface] != 0]

@@ -23,6 +23,9 @@ import numpy as np
 #: columns of growth, by label: that of the cortex along the surface and across it, and of the core in all directions
 ALONG, ACROSS, CORE = 0, 1, 2
 
+#: how sharply the share of the cortex falls at its lower side, per thickness
+_SHARPNESS = 10.0
+
 #: stretch below which the law is continued by a polynomial
 SMALLEST_STRETCH = 0.1
 
@@ -65,13 +68,13 @@ def vector(a, i):  # type: ignore[no-untyped-def]
 @inlined
 def growth_share(depth, thickness, mask):  # type: ignore[no-untyped-def]
     """Share of the growth of the surface that an element takes part in, from 0 to 1."""
-    return mask / (1 + exponential(10 * (depth / thickness - 1)))
+    return mask / (1 + exponential(_SHARPNESS * (depth / thickness - 1)))
 
 
 @fast
 def depth_of_share(share, thickness):  # type: ignore[no-untyped-def]
     """Depth at which the share of the cortex is `share`, at the mask 1."""
-    return thickness * (1 + np.log(max(1 / share - 1, 1e-12)) / 10)
+    return thickness * (1 + np.log(max(1 / share - 1, 1e-12)) / _SHARPNESS)
 
 
 @inlined

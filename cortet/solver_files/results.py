@@ -184,7 +184,9 @@ def on_surface(
         elementwise = {}
         if order.cells is not None:
             by_cell = {name: values[order.cells] for name, values in last.cell_data.items()}
-            if np.array_equal(by_cell.get(Q, ()), with_q(mesh).cell_data[Q]):  # of the mesh, as its file has it
+            if Q in by_cell and np.array_equal(
+                by_cell[Q], with_q(mesh).cell_data[Q]
+            ):  # of the mesh, as its file has it
                 del by_cell[Q]
             elementwise = {name: applied(found.from_cells, values) for name, values in by_cell.items()}
         elif last.cell_data:

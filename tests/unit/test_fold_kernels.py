@@ -201,9 +201,9 @@ def test_energy_decays_once_growth_has_stopped() -> None:
     mesh = ball_mesh(2)
     body, damped = body_of(mesh, UNIT, thickness=0.3), Material(damping=0.5)
     work, state = workspace(body), at_rest(mesh)
-    dt = longest_step(damped, state.x, work, no_contact(mesh), tangential([0.3]))[0] / 8
+    dt = min(longest_step(damped, state.x, work, no_contact(mesh), tangential([0.3]))[0], 4e-4) / 8
     energies = [total_energy(state, work, 0.3)]  # grown at once: it springs
-    for _ in range(5):
+    for _ in range(10):
         assert advance(body, damped, state, work, no_contact(mesh), steps(200, 0.3), dt) == (200, DONE)
         energies.append(total_energy(state, work, 0.3))
     assert np.all(np.diff(energies) < 0)

@@ -162,6 +162,7 @@ def test_a_map_that_is_the_same_everywhere_grows_like_the_law_that_says_so() -> 
     assert np.abs(by_map - by_law).max() < 0.25 * gained
 
 
+@pytest.mark.usefixtures("at_rest")
 def test_what_grows_more_along_its_meridians_becomes_longer_from_pole_to_pole() -> None:
     """And no larger: growth along the meridians is as much as shrinking along the parallels."""
     mesh = ball_mesh(2, radius=10.0)
@@ -175,7 +176,7 @@ def test_what_grows_more_along_its_meridians_becomes_longer_from_pole_to_pole() 
     end = grown(mapped(mesh, tensors), THIN.with_keys(end=23.5, volume={22.0: 1.0, 24.0: 1.0}))
     along_x, along_y, along_z = np.ptp(end, axis=0) / np.ptp(mesh.points, axis=0)
     assert along_z > 1.005 > 0.998 > along_x
-    assert along_x == pytest.approx(along_y, rel=4e-3)
+    assert along_x == pytest.approx(along_y, rel=2e-3)
 
 
 def test_a_killed_run_of_a_map_ends_with_the_same_bits_and_its_energy_is_balanced(tmp_path: Path) -> None:

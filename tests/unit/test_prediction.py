@@ -178,6 +178,7 @@ def grown_balls(folder: Path) -> tuple[Series, TetMesh]:
     return series_of({22.0: surface, 23.0: replace(surface, points=carried(surface.points, mesh, last.points))}), mesh
 
 
+@pytest.mark.usefixtures("at_rest")
 def test_rounds_find_what_has_to_be_imposed(tmp_path: Path) -> None:
     series, mesh = grown_balls(tmp_path / "truth")
     rounds: list[str] = []
@@ -198,7 +199,7 @@ def test_rounds_find_what_has_to_be_imposed(tmp_path: Path) -> None:
     rows = {row["gestational_age"]: row for row in scores(series, found.points)}
     nothing = scores(series, predict_nothing(series, mesh))[0]
     assert rows[23.0]["distance_mm"] < 0.3 * nothing["distance_mm"]
-    assert rows[23.0]["area_mm2"] == pytest.approx(rows[23.0]["real_area_mm2"], rel=1e-2)
+    assert rows[23.0]["area_mm2"] == pytest.approx(rows[23.0]["real_area_mm2"], rel=5e-3)
 
 
 def predict_nothing(series: Series, mesh: TetMesh) -> dict[float, FloatArray]:
