@@ -184,9 +184,8 @@ def on_surface(
         elementwise = {}
         if order.cells is not None:
             by_cell = {name: values[order.cells] for name, values in last.cell_data.items()}
-            if Q in by_cell and np.array_equal(
-                by_cell[Q], with_q(mesh).cell_data[Q]
-            ):  # of the mesh, as its file has it
+            # q of the mesh, as its own file has it, is no result
+            if Q in by_cell and np.array_equal(by_cell[Q], with_q(mesh).cell_data[Q]):
                 del by_cell[Q]
             elementwise = {name: applied(found.from_cells, values) for name, values in by_cell.items()}
         elif last.cell_data:
