@@ -96,6 +96,7 @@ QUANTITIES = {
     "cortical_thickness_mm": Quantity("thickness, mm", 2),
     "cortex_share": Quantity("share of the cortex", 3, absolute=True),
     "fold_spacing_mm": Quantity("width of folds, mm", 1),
+    "fold_wavelength_mm": Quantity("wavelength of folds, mm", 1),
     "sulcal_depth_mm": Quantity("depth, mm", 2),
     "gyrification_index": Quantity("gyrification index", 3, absolute=True),
     "concave_share": Quantity("concave share", 3, absolute=True),

@@ -41,7 +41,7 @@ def folded(seed: int, end: float, *, reduced: bool) -> dict[str, NDArray[np.floa
     made = cortet.mesh(surface, cell_size=CELLS, ga=START, hemi="L", fields={"growth": growth}, progress=False)
     with tempfile.TemporaryDirectory() as folder:
         fold = cortet.fold(made, end=end, surfaces=[end], folder=folder, progress=False)
-        return maps_of(fold.at(end), made.surface_map())[1]
+        return maps_of(fold.at(end), fold.at(START), made.surface_map())[1]
 
 
 def main() -> None:

@@ -37,7 +37,7 @@ from cortet.report.colours import BLUE, GREEN, VERMILION
 from cortet.report.figures import PAGE, H, drawn, letter, save
 from cortet.report.table_files import Table, mean_and_sd, write
 
-VERSION: int = 4
+VERSION: int = 5
 
 #: relative difference from the limit up to which a number counts as converged
 TOLERANCE = 0.05
@@ -48,6 +48,7 @@ QUANTITIES = {
     "gyrification_index": ("gyrification index", ""),
     "area_mm2": ("area", "mm²"),
     "fold_spacing_mm": ("width of folds", "mm"),
+    "fold_wavelength_mm": ("wavelength of folds", "mm"),
     "sulcal_depth_mm": ("depth of sulci", "mm"),
 }
 #: pairs of runs whose locations of folds are compared -> what differs

@@ -24,7 +24,7 @@ from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.solver_files.results import invariants, symmetric
 from cortet.solver_files.surface_map import SurfaceMap, applied
 
-VERSION: int = 1
+VERSION: int = 2
 
 #: weeks by which a frame may differ from the week that is asked for
 _SAME = 1e-6
@@ -54,7 +54,7 @@ def folded_surface(frame: TetMesh, found: SurfaceMap) -> TriSurface:
     return replace(found.native, points=points)
 
 
-def maps_of(frame: TetMesh, found: SurfaceMap) -> tuple[TriSurface, dict[str, FloatArray]]:
+def maps_of(frame: TetMesh, start: TetMesh, found: SurfaceMap) -> tuple[TriSurface, dict[str, FloatArray]]:
     """The folded surface of a frame, and the values of `MEASURES` at its vertices: (v,), of directions (v, 3).
 
     - depth: distance from the convex hull of the folded surface (`measurements.depth_below_hull`).
@@ -69,6 +69,10 @@ def maps_of(frame: TetMesh, found: SurfaceMap) -> tuple[TriSurface, dict[str, Fl
 
     Values of the mechanics are means over the cortex as it was at the start, and over an equal depth of tissue below
     it. A vertex where the mesh is too thin for that is NaN.
+
+    Parameters
+    ----------
+    frame, start : as in `folded_surface`; `start` is the first one of the fold
 
     Raises
     ------
@@ -88,7 +92,7 @@ def maps_of(frame: TetMesh, found: SurfaceMap) -> tuple[TriSurface, dict[str, Fl
         "gaussian_curvature": gaussian_curvature(points, faces),
         "local_gyrification": local_gyrification(points, faces),
         "thickness": np.linalg.norm(across, axis=1),
-        "area_growth": vertex_areas(surface) / vertex_areas(found.native),
+        "area_growth": vertex_areas(surface) / vertex_areas(folded_surface(start, found)),
     }
     for tissue, above in {"cortex": 0 * thick, "white": thick}.items():
         matrix = found.in_cells((above, above + thick))
@@ -141,7 +145,7 @@ def write_surfaces(
             file=folder,
             remedy="name weeks before an element inverts in fold.surfaces, and fold again",
         )
-    surface, maps = maps_of(vtu.read(frame), found)
+    surface, maps = maps_of(vtu.read(frame), vtu.read(frames[0][0]), found)
     write_surface(surface, files["surface"], like=like)
     for name, values in maps.items():
         columns = in_components({name: values}, {1})

@@ -47,6 +47,12 @@ COLUMNS = (
         "curvature, smoothed over 1.5 mm, is zero; n/a where there are none",
         "mm",
     ),
+    Column(
+        "fold_wavelength_mm",
+        "The same with the lines where this curvature is its median over the cortex: unlike the width, it does not "
+        "depend on how deep folds are; n/a where there are none",
+        "mm",
+    ),
     Column("sulcal_depth_mm", "Mean distance of the cortex from the convex hull", "mm"),
     Column("area_mm2", "Area of the surface", "mm2"),
     Column("volume_mm3", "Volume", "mm3"),
@@ -82,6 +88,7 @@ class Measurements:
     q_max: float
     gyrification_index: float
     fold_spacing_mm: float | None
+    fold_wavelength_mm: float | None
     sulcal_depth_mm: float
     area_mm2: float
     volume_mm3: float
@@ -116,6 +123,7 @@ def shape(points: FloatArray, faces: IntArray, wall: NDArray[np.bool_], cortex_v
     return {
         "gyrification_index": float(areas.sum()) / float(hull.area),
         "fold_spacing_mm": folds.spacing,
+        "fold_wavelength_mm": folds.wavelength,
         "sulcal_depth_mm": _mean_over(-beyond(planes_of(hull), points)[0], points, faces, cortex),
         "area_mm2": float(areas.sum()),
         "volume_mm3": volume,
@@ -134,16 +142,22 @@ class Folds(NamedTuple):
 
     #: mean distance from gyrus to gyrus, mm; None if there is no line between gyri and sulci
     spacing: float | None
+    #: the same with lines where the curvature is its median, mm
+    wavelength: float | None
     #: share of the area with a mean curvature below zero
     concave: float
 
 
 def folds_of(points: FloatArray, faces: IntArray, cortex: FloatArray) -> Folds:
-    """Width and concavity of the folds of a closed surface.
+    """Width, wavelength and concavity of the folds of a closed surface.
 
     The width is the mean distance from gyrus to gyrus: twice the area over the length of the lines between gyri and
     sulci. On these lines, the mean curvature, smoothed over 1.5 mm, is zero. Stripes of any direction, straight or
     winding, have two such lines per wavelength (the stereological relation of length per area; Underwood 1970).
+
+    A brain is convex, so shallow folds have few such lines, and the deeper they get, the more: the width of young folds
+    says more of their depth than of their distance. The wavelength takes the lines where curvature is its median over
+    the cortex, which waves of any height have.
 
     Parameters
     ----------
@@ -152,10 +166,19 @@ def folds_of(points: FloatArray, faces: IntArray, cortex: FloatArray) -> Folds:
     """
     counted = cortex[faces].min(axis=1)
     values = smoothed_curvature(points, faces)
-    length = float(_zero_line(points[faces], values[faces]) @ counted)
     area = float(face_areas(points, faces) @ counted)
+    order = np.argsort(values)
+    weight = np.cumsum((np.bincount(faces.ravel(), np.repeat(face_areas(points, faces), 3)) * cortex)[order])
+    median = values[order[np.searchsorted(weight, weight[-1] / 2)]]
+
+    def between(level: float) -> float | None:
+        """Twice the area over the length of the lines at a level."""
+        length = float(_zero_line(points[faces], (values - level)[faces]) @ counted)
+        return 2 * area / length if length > 0 else None
+
     return Folds(
-        spacing=2 * area / length if length > 0 else None,
+        spacing=between(0.0),
+        wavelength=between(median),
         concave=_mean_over((values < 0).astype(float), points, faces, cortex),
     )
 

@@ -68,6 +68,8 @@ class Constants(NamedTuple):
     thickness: float | None = None
     envelope: bool = False
     core_relaxation: Time = "elastic"
+    #: mm
+    smoothing: float = 0.0
     #: see `Material`; no settings
     damping: float = Material().damping
     own: float = Material().own
@@ -82,6 +84,7 @@ CONSTANTS = {
         thickness=1.25,
         envelope=True,
         core_relaxation=0.1,
+        smoothing=1.0,
     ),
     "braingrowth": Constants(growth_rate=1.829, core_stiffness=1.167, damping=0.5, own=1.0),
 }

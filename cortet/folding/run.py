@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
@@ -42,6 +44,7 @@ from cortet.folding.models import (
 )
 from cortet.folding.patches import renew
 from cortet.folding.relaxation import PART, relax
+from cortet.folding.ripples import without_ripples
 from cortet.folding.section import Settings
 from cortet.folding.stability import longest_step
 from cortet.folding.state import Moment, Run
@@ -94,8 +97,9 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
     if settings.model == "growing":  # growth and stiffness of a spot are independent
         mask, amount = default_mask(mesh, scale, held), amount_of_growth(mesh)
     thickness = thickness_at_start(settings, scale)
+    points = without_ripples(mesh, chosen.smoothing, held) if chosen.smoothing else mesh.points
     body = body_of(
-        mesh,
+        replace(mesh, points=points),
         scale,
         thickness=thickness,
         mask=mask,
@@ -114,6 +118,7 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
         mesh,
         node,
         cell,
+        points,
         scale,
         body,
         wall,
@@ -184,7 +189,7 @@ def beginning(run: Run) -> Moment:
     ------
     InputError : the time step that the user chose is too long
     """
-    x = (run.mesh.points - run.scale.origin) / run.scale.length
+    x = (run.points - run.scale.origin) / run.scale.length
     body, volumes = run.body, np.repeat(run.body.volumes / 4, 4)
     if run.relaxation:
         body = body._replace(gradients=body.gradients.copy())

@@ -24,6 +24,8 @@ class Run(NamedTuple):
     #: (n,) and (m,), numbers in the user's mesh
     node: NDArray[np.int64]
     cell: NDArray[np.int64]
+    #: (n, 3), mm: the nodes of the body at the start, which has no ripples
+    points: FloatArray
     scale: Scale
     body: Body
     #: the medial wall of half a brain

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix, diags
 from scipy.sparse.linalg import cg
+from threadpoolctl import threadpool_limits
 
 from cortet.errors import StageError
 from cortet.geometry.topology import TET_EDGES, TET_FACES, face_normals
@@ -51,7 +52,9 @@ def harmonic(mesh: TetMesh, nodes: IntArray, values: FloatArray, guess: FloatArr
     preconditioner = diags(1 / matrix.diagonal())
     for column in range(values.shape[1]):
         right = -(coupling @ values[:, column])
-        found, failed = cg(matrix, right, result[inner, column], rtol=_TOLERANCE, maxiter=_ITERATIONS, M=preconditioner)
+        start = result[inner, column]
+        with threadpool_limits(1):  # long dot products differ in their last bits with the number of threads
+            found, failed = cg(matrix, right, start, rtol=_TOLERANCE, maxiter=_ITERATIONS, M=preconditioner)
         if failed:
             raise StageError(
                 f"harmonic interpolation did not converge in {_ITERATIONS} iterations",

@@ -97,7 +97,10 @@ def test_the_table_tells_chance_from_cell_size() -> None:
 
 def test_the_sentence_says_what_is_not_known() -> None:
     flat = convergence_table([replace(run, values=dict.fromkeys(QUANTITIES, 1.3)) for run in runs()])
-    assert "of its limit, or, as no limit was found for gyrification index, area, width of folds and" in sentence(flat)
+    assert (
+        "of its limit, or, as no limit was found for gyrification index, area, width of folds, wavelength of folds and"
+        in sentence(flat)
+    )
     made = runs()
     made[0] = replace(made[0], folded=False)
     assert "This leaves out 1 of 12 folds, which stopped at an inverted element." in sentence(convergence_table(made))

@@ -169,7 +169,7 @@ def test_frames_are_meshes_in_the_users_numbering(ball: TetMesh, finished: tuple
     frames = sorted((folder / "frames").glob("*.vtu"))
     assert len(frames) == 4  # 22, 22.2, 22.4 weeks and the end
     first, last = (meshio.read(path) for path in (frames[0], frames[-1]))
-    assert first.points == pytest.approx(ball.points)
+    assert np.abs(first.points - ball.points).max() < 0.01  # less its facets
     assert np.array_equal(first.cells[0].data, ball.cells)
     assert last.points - ball.points == pytest.approx(last.point_data["displacement"])
     assert signed_volumes(last.points, ball.cells).sum() == pytest.approx(

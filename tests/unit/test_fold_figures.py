@@ -227,7 +227,8 @@ def test_the_progress_line_says_how_far_and_how_long() -> None:
     now = Measurements(
         step=10, time=0.25, gestational_age=27.1, kinetic_energy=0.0, elastic_energy=0.0, dissipated_energy=0.0,
         growth_work=0.0, contact_work=0.0, energy_error=0.0, min_j=0.712, inverted=0, degenerate=0, q_max=0.5,
-        gyrification_index=1.234, fold_spacing_mm=12.0, sulcal_depth_mm=1.0, area_mm2=1.0, volume_mm3=1.0,
+        gyrification_index=1.234, fold_spacing_mm=12.0, fold_wavelength_mm=10.0, sulcal_depth_mm=1.0,
+        area_mm2=1.0, volume_mm3=1.0,
         hull_volume_mm3=1.0, extent_lr_mm=1.0, extent_ap_mm=1.0, extent_is_mm=1.0, cortex_share=0.2,
         cortical_thickness_mm=1.0, concave_share=0.3, contacts=0,
     )  # fmt: skip

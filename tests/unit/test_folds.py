@@ -32,6 +32,15 @@ def test_the_spacing_of_known_waves(waves: int) -> None:
     assert folds_of(surface.points, surface.faces, cortex).spacing == pytest.approx(expected, rel=0.15)
 
 
+@pytest.mark.parametrize("height", [0.05, 0.2, 1.5])
+def test_the_wavelength_of_known_waves_of_any_height(height: float) -> None:
+    """Those of 0.05 and 0.2 mm do not make the surface concave."""
+    surface, cortex = rippled(16, height)
+    found = folds_of(surface.points, surface.faces, cortex)
+    assert found.wavelength == pytest.approx(2 * np.pi * RADIUS / 16, rel=0.15)
+    assert (found.spacing is None) == (height < 1)
+
+
 def test_the_spacing_of_a_rough_surface_does_not_jump_as_it_grows() -> None:
     """It is smoothed over 1.5 mm, which is some rounds over neighbours, and not a whole number of them."""
     surface, cortex = rippled(16, height=0.8)

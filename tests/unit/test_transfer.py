@@ -7,6 +7,7 @@ import pytest
 from cubes import cube_mesh
 from pydantic import ValidationError
 from shapes import ball_mesh, ball_surface
+from threadpoolctl import threadpool_limits
 
 from cortet.geometry.topology import boundary_nodes, boundary_surface
 from cortet.meshes import TetMesh, TriSurface
@@ -97,6 +98,17 @@ def test_the_issues_linear_field_is_exact_everywhere_with_harmonic_interpolation
     carried, report = transfer(mesh, surface, Transfer(interior="harmonic"))
     assert np.allclose(carried.point_data["linear"], linear(mesh.points), atol=1e-5)  # as near as CGAL puts nodes
     assert report.interior == "harmonic" and report.nodes_cut_off == 0
+
+
+def test_a_harmonic_field_has_the_same_bits_on_any_number_of_threads():
+    mesh = cube_mesh(24, jitter=0.2)  # more than 10,000 nodes inside: BLAS takes shorter vectors on one thread
+    nodes = boundary_nodes(mesh)
+    values, start = np.random.default_rng(0).normal(size=(len(nodes), 1)), np.zeros((len(mesh.points), 1))
+    found = []
+    for threads in (1, 2):
+        with threadpool_limits(threads):
+            found.append(harmonic(mesh, nodes, values, start)[0].tobytes())
+    assert found[0] == found[1]
 
 
 def test_a_linear_field_is_exact_to_rounding_where_nodes_lie_on_the_surface(mesh):
