@@ -5,7 +5,7 @@
     python benchmarks/fold_brain.py --table FOLDER
     python benchmarks/fold_brain.py fit MESH --ga 22 --hemi L --output DIR [--step 0.15] [--end 36]
         [--base NAME=VALUE ...]
-    python benchmarks/fold_brain.py drag MESH --ga 22 --hemi L --output DIR [--damping 0.5 0.1 0.05 0.02] [--end 30]
+    python benchmarks/fold_brain.py vary damping MESH --values 0.5 0.1 0.05 --ga 22 --hemi L --output DIR [--end 30]
     python benchmarks/fold_brain.py reference sphere5.mesh [--end 0.5] --output DIR
 
 RUN are folders of `cortet fold` that differ by chance alone, as seeds of a mesh do: their mean is shown, and half of
@@ -27,8 +27,8 @@ per cent. The second has what one standard error of all targets leaves of each p
 Gauss-Newton matrix), and which target it follows most. Gyrification index, depth, hull and extents are not targets:
 the table by week compares them. A run that is in DIR already is not made again.
 
-`drag`: folds the mesh with each damping of the solver (`Material.damping`), and prints index, area, width and depth of
-folds every second week.
+`vary`: folds the mesh with each value of a constant of the model (`models.Constants`: damping of the solver, smoothing
+of the surface, ...), and prints index, area, width, wavelength and depth of folds every second week.
 
 `reference`: `sphere5.mesh` of BrainGrowth, a whole body, grows from t = 0 with the choices and the time step of the
 reference (`fold.reference`). The table holds area, volume and gyrification index of the surface, the first two
@@ -466,30 +466,24 @@ def fit(
         print(f"{name:16s} {100 * error:12.1f} %   {column} by {moved[column]:+.2f} standard errors")
 
 
-# --- the solver's own drag -------------------------------------------------------------------------------------------
+# --- what a constant does --------------------------------------------------------------------------------------------
 
 
-def drag(
-    mesh: Path,
-    *,
-    ga: float,
-    hemi: str,
-    output: Path,
-    end: float = 30.0,
-    damping: Sequence[float] = (0.5, 0.1, 0.05, 0.02),
+def vary(
+    constant: str, mesh: Path, *, values: Sequence[float], ga: float, hemi: str, output: Path, end: float = 30.0
 ) -> None:
-    """Make the runs that are missing and print what damping changes."""
+    """Make the runs that are missing and print what a constant changes."""
     numba.set_num_threads(1)
     body, usual_constants = vtu.read(mesh), CONSTANTS["growing"]
-    print("damping  weeks  index   area, cm2  width, mm  depth, mm")
-    for value in damping:
-        CONSTANTS["growing"] = usual_constants._replace(damping=value)
+    print(f"{constant:>9s}  weeks  index   area, cm2  width, mm  wavelength, mm  depth, mm")
+    for value in values:
+        CONSTANTS["growing"] = usual_constants._replace(**{constant: value})
         rows = run_of(body, output / f"{value:g}", Settings(gestational_age=ga, hemisphere=hemi, end=end))
         for week in np.arange(np.ceil(ga) + 2, end + 1e-6, 2):
             row = rows.loc[(rows["gestational_age"] - week).abs().idxmin()]
             print(
-                f"{value:7g} {week:6g} {row.gyrification_index:6.3f} {row.area_mm2 / 100:11.1f}"
-                f" {row.fold_spacing_mm:10.2f} {row.sulcal_depth_mm:10.3f}",
+                f"{value:9g} {week:6g} {row.gyrification_index:6.3f} {row.area_mm2 / 100:11.1f}"
+                f" {row.fold_spacing_mm:10.2f} {row.fold_wavelength_mm:15.2f} {row.sulcal_depth_mm:10.3f}",
                 flush=True,
             )
 
@@ -563,7 +557,7 @@ def reference(mesh: Path = Path("../shared/data/tallinen/sphere5.mesh"), *, outp
         print(f"{path}: drawn")
 
 
-main = command(__doc__, weeks, fit, drag, reference)
+main = command(__doc__, weeks, fit, vary, reference)
 
 if __name__ == "__main__":
     main()

@@ -18,7 +18,7 @@ stop() {
 trap stop EXIT
 trap 'exit 130' INT TERM
 
-say() { printf 'container: %s\n' "$*" >&2; }
+say() { printf 'container, %s s: %s\n' "$SECONDS" "$*" >&2; }
 
 say "making the base image"
 mmdebstrap --quiet --variant=minbase bookworm "$folder/base.tar"
@@ -43,3 +43,11 @@ printf 'user %s\n' "$(run id -un)"
 run sh -c 'touch /written 2>/dev/null || echo the image cannot be written to'
 run entrypoint.sh phantom --ga 28 --subdivisions 4 -o /tmp/x.surf.gii
 run entrypoint.sh mesh /tmp/x.surf.gii --ga 28 --cell-size 2 -o /tmp/x.vtu --page /tmp/x.html
+run entrypoint.sh picture /tmp/x.vtu -o /tmp/x.png
+
+say "and a dataset"
+case=/tmp/data/sub-01/anat/sub-01_hemi-L_white.surf.gii
+run sh -c "mkdir -p $(dirname $case) && mv /tmp/x.surf.gii $case"
+printf 'participant_id\tscan_age\nsub-01\t28\n' | run sh -c 'cat >/tmp/data/participants.tsv'
+run entrypoint.sh run /tmp/data /tmp/out --cell-size 3 --cores 1
+run sh -c 'ls /tmp/x.png /tmp/out/cohort/index.html'
