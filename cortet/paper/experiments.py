@@ -118,23 +118,37 @@ class Experiments:
         cases = self._cases(self.plan.config.experiments.measures.cases)
         return self._last_records((case, self.plan.resolutions[0]) for case in cases)
 
+    def certificates(self, records: Records) -> Records:
+        """Certificates of the meshes of the line among those of records; other settings and cell sizes have none."""
+        plan = self.plan
+        meshes = plan.each_case(plan.layout.certificate).items()
+        line = [(plan.origin_of_mesh("Solver", *mesh), path) for mesh, path in meshes]
+        return {path: origin for origin, path in line if origin in records.values()}
+
     def pooled_records(self, res: int) -> Records:
         """Quality records that the figure of pooled quality takes at one cell size, µm."""
         meshers = dict.fromkeys(self.mesher_of.values())
         return self.records_of(mesh for mesh in self.ablated(meshers) if mesh[1] == res)
 
     def series(self) -> list[dict[str, Any]]:
-        """Brains of the developmental series by age: both hemispheres where the sheet has them, unknown ages last."""
+        """Brains of the developmental series by age, unknown ages last: both hemispheres where the sheet has them.
+
+        By hemisphere, each has `meshes`, and the `certificates` of those that have one.
+        """
         plan = self.plan
         wanted = {(case.participant, case.session) for case in self._cases(plan.config.experiments.series.cases)}
         brains: dict[tuple[str, str | None], dict[str, Any]] = {}
         for case in plan.cases.values():
             key = (case.participant, case.session)
-            mesh = file_of(plan.layout.mesh("Solver"), case, plan.resolutions[0], self.mesher_of[""])
+            patterns = (plan.layout.mesh("Solver"), plan.layout.certificate)
+            mesh, certificate = (file_of(one, case, plan.resolutions[0], self.mesher_of[""]) for one in patterns)
             if key in wanted and not plan.missing(mesh):
                 name = f"sub-{case.participant}" + (f", ses-{case.session}" if case.session else "")
-                brain = brains.setdefault(key, {"name": name, "age": case.scan_age, "meshes": {}})
+                new: dict[str, Any] = {"name": name, "age": case.scan_age, "meshes": {}, "certificates": {}}
+                brain = brains.setdefault(key, new)
                 brain["meshes"][case.hemi or "n/a"] = mesh
+                if not plan.missing(certificate):
+                    brain["certificates"][case.hemi or "n/a"] = certificate
         return sorted(
             brains.values(), key=lambda one: (one["age"] is None, one["age"] or 0, list(one["meshes"].values()))
         )

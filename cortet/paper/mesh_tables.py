@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,15 @@ from cortet.formats.tables import Column, Row, names, values
 from cortet.meshers import MESHERS
 from cortet.paper.records import Origin, by_origin, reasons_by_origin
 from cortet.report import published
+from cortet.report.methods import findings
+from cortet.report.records import read_certificate
 from cortet.report.table_files import Table, mean_and_sd, number, write
 
-VERSION: int = 4
+VERSION: int = 5
 
 PUBLISHED = "arXiv:2607.12157"
+#: no mesh is refused
+NONE: Mapping[Origin, str] = MappingProxyType({})
 
 #: columns that name the mesh of a row
 _MESH = (
@@ -34,7 +39,8 @@ _Q_MAX = Column(
 )
 _REMARKS = Column(
     "remarks",
-    "Why the mesh is missing, or where the row is from",
+    "Why the mesh is missing, or why it is not certified; where the row is from. Only meshes in the setting and at the "
+    "cell sizes of the run have a certificate",
     heading="Remarks",
     form=lambda row: row["remarks"] or "",
 )
@@ -76,7 +82,10 @@ RESOLUTION = Table(
 
 
 def resolution_table(
-    records: Mapping[Origin, Mapping[str, Any]], missing: Mapping[Origin, str], ages: Mapping[str, float | None]
+    records: Mapping[Origin, Mapping[str, Any]],
+    missing: Mapping[Origin, str],
+    ages: Mapping[str, float | None],
+    refused: Mapping[Origin, str] = NONE,
 ) -> pd.DataFrame:
     """Table 2, by age, case, mesher, setting and cell size, then the published rows; columns of `RESOLUTION`.
 
@@ -85,8 +94,9 @@ def resolution_table(
     records : quality records
     missing : reasons why records are missing
     ages : case -> weeks, None where it is not known
+    refused : why meshes are not certified
     """
-    ours = _by_age(RESOLUTION, records, missing, ages)
+    ours = _by_age(RESOLUTION, records, missing, ages, refused)
     theirs = published.resolution().rename(columns={"scan_age_weeks": "scan_age"})
     theirs = theirs.assign(source=PUBLISHED, mesher="cgal", setting="published", remarks=PUBLISHED)
     table = pd.concat([ours, theirs.reindex(columns=ours.columns)], ignore_index=True)
@@ -149,7 +159,10 @@ MEASURES = Table(
 
 
 def measures_table(
-    records: Mapping[Origin, Mapping[str, Any]], missing: Mapping[Origin, str], ages: Mapping[str, float | None]
+    records: Mapping[Origin, Mapping[str, Any]],
+    missing: Mapping[Origin, str],
+    ages: Mapping[str, float | None],
+    refused: Mapping[Origin, str] = NONE,
 ) -> pd.DataFrame:
     """Worst elements by age, case, mesher and setting, then the published range; parameters as in `resolution_table`.
 
@@ -166,7 +179,7 @@ def measures_table(
         **{f"{name}_range": f"{row['min']:.3f}-{row['max']:.3f}" for name, row in ranges.iterrows()},
         "remarks": f"{PUBLISHED}: range over the subjects",
     }
-    return pd.concat([_by_age(MEASURES, records, missing, ages), pd.DataFrame([theirs])], ignore_index=True)
+    return pd.concat([_by_age(MEASURES, records, missing, ages, refused), pd.DataFrame([theirs])], ignore_index=True)
 
 
 # --- both ------------------------------------------------------------------------------------------------------------
@@ -181,6 +194,8 @@ def write_mesh_table(
     outputs: Iterable[str | Path],
     *,
     ages: Mapping[str, float | None],
+    certificates: Mapping[str, Mapping[str, Any]] | None = None,
+    uncertified: Iterable[Mapping[str, Any]] = (),
 ) -> None:
     """Write one of `TABLES` from the files of quality records.
 
@@ -189,9 +204,14 @@ def write_mesh_table(
     missing : `origin` and `reason` of each record that is missing
     outputs : paths, in the forms of `table_files.write`
     ages : case -> weeks, None where it is not known
+    certificates : file of a certificate -> `origin` of its mesh
+    uncertified : `origin` and `reason` of each certificate that is missing
     """
     described, table_of = TABLES[table]
-    write(described, table_of(by_origin(records), reasons_by_origin(missing), ages), *outputs)
+    read = {Origin(**origin): read_certificate(path) for path, origin in (certificates or {}).items()}
+    refused = {origin: findings(content) for origin, content in read.items() if not content["certified"]}
+    refused |= reasons_by_origin(uncertified)
+    write(described, table_of(by_origin(records), reasons_by_origin(missing), ages, refused), *outputs)
 
 
 def _by_age(
@@ -199,10 +219,12 @@ def _by_age(
     records: Mapping[Origin, Mapping[str, Any]],
     missing: Mapping[Origin, str],
     ages: Mapping[str, float | None],
+    refused: Mapping[Origin, str],
 ) -> pd.DataFrame:
     """One row per mesh, including missing meshes, by age (unknown ones last), case, mesher, setting and cell size."""
+    remarks = {origin: f"not certified: {reason}" for origin, reason in refused.items()} | dict(missing)
     about = [
-        {**asdict(origin), "source": "this cohort", "scan_age": ages[origin.case], "remarks": missing.get(origin)}
+        {**asdict(origin), "source": "this cohort", "scan_age": ages[origin.case], "remarks": remarks.get(origin)}
         for origin in dict.fromkeys([*records, *missing])
     ]
     measured = values([column for column in table.columns if column.place], list(records.values()))

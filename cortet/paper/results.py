@@ -42,9 +42,22 @@ def results(plan: Plan) -> list[Result]:
         def write(outputs: Sequence[str]) -> None:
             from cortet.paper.mesh_tables import write_mesh_table
 
-            write_mesh_table(name, plan.made(records()), of.missing(records()), outputs, ages=ages)
+            certificates = of.certificates(records())
+            made = {path: certificates[path] for path in plan.made(certificates)}
+            write_mesh_table(
+                name,
+                plan.made(records()),
+                of.missing(records()),
+                outputs,
+                ages=ages,
+                certificates=made,
+                uncertified=of.missing(certificates),
+            )
 
         return write
+
+    def with_certificates(records: Callable[[], dict[str, Any]]) -> Callable[[], list[str]]:
+        return lambda: [*records(), *of.certificates(records())]
 
     def pooled(res: int, outputs: Sequence[str]) -> None:
         from cortet.paper.pooled_quality import draw_pooled
@@ -52,6 +65,14 @@ def results(plan: Plan) -> list[Result]:
         ours = plan.settings
         settings = {str(ours[name].setting): (mesher, ours[name].target) for name, mesher in of.mesher_of.items()}
         draw_pooled(plan.made(of.pooled_records(res)), outputs, settings=settings, limit=config.certify.q_max)
+
+    def shown() -> list[str]:
+        return [path for brain in of.series() for kind in ("meshes", "certificates") for path in brain[kind].values()]
+
+    def whose() -> dict[str, Any]:
+        """Whose meshes the series shows, without the paths of files."""
+        brains = [{"name": one["name"], "age": one["age"], "meshes": list(one["meshes"])} for one in of.series()]
+        return {"brains": brains, "h": h}
 
     def side_by_side() -> None:
         from cortet.paper.series import draw_series
@@ -70,7 +91,7 @@ def results(plan: Plan) -> list[Result]:
         _table(
             plan,
             "table_resolution",
-            lambda: list(of.resolution_records()),
+            with_certificates(of.resolution_records),
             by_mesh("resolution", of.resolution_records),
             label="2, cell size",
             code="paper.mesh_tables",
@@ -79,7 +100,7 @@ def results(plan: Plan) -> list[Result]:
         _table(
             plan,
             "table_measures",
-            lambda: list(of.measures_records()),
+            with_certificates(of.measures_records),
             by_mesh("measures", of.measures_records),
             label="other measures",
             code="paper.mesh_tables",
@@ -106,12 +127,12 @@ def results(plan: Plan) -> list[Result]:
         Result(
             "figure_series",
             series,
-            lambda: [mesh for brain in of.series() for mesh in brain["meshes"].values()],
+            shown,
             side_by_side,
             ("paper.series", "report.render"),
             {series[0]: ("Figures", {"figure": "developmental series"})},
             "figure_series",
-            lambda: {"brains": [{**brain, "meshes": list(brain["meshes"])} for brain in of.series()], "h": h},
+            whose,
             memory_mb=8000,
             minutes=30,
         ),

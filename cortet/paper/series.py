@@ -16,9 +16,10 @@ from matplotlib.figure import Figure
 from cortet.formats import vtu
 from cortet.meshes import TetMesh
 from cortet.report.figures import PAGE, Q_AXIS, H, drawn, letter, save
+from cortet.report.records import read_certificate
 from cortet.report.render import BEYOND, COLOURS, RANGE, lateral_view
 
-VERSION: int = 5
+VERSION: int = 6
 
 #: hemisphere -> its name, and the side from which it is seen, in the order of the rows
 _HEMISPHERES: dict[str, tuple[str, Literal["L", "R"]]] = {
@@ -36,6 +37,7 @@ def series_figure(
     brains: Sequence[tuple[float | None, Mapping[str, TetMesh]]],
     *,
     names: Sequence[str] | None = None,
+    certified: Sequence[bool] | None = None,
     cell_size: float | None = None,
 ) -> Figure:
     """Meshes by age: each hemisphere seen from its side, and the first one of each brain cut, with q in colour.
@@ -47,6 +49,7 @@ def series_figure(
     brains : age in weeks, None if it is not known, and the meshes of a brain by hemisphere (`L`, `R`, or `n/a` for
         all of it)
     names : of the brains, written below their ages
+    certified : whether all meshes of a brain are certified; below the name it says which are not
     cell_size : mm, written beside the scale bar
     """
     hemispheres = [[hemi for hemi in _HEMISPHERES if hemi in meshes] for _, meshes in brains]
@@ -54,6 +57,9 @@ def series_figure(
     rows = [hemi for hemi in _HEMISPHERES if any(hemi in meshes for _, meshes in brains)] if several else [None]
     extents = [np.ptp(mesh.points, axis=0) for _, meshes in brains for mesh in meshes.values()]
     half_width, half_height = _MARGIN / 2 * np.max(extents, axis=0)[1:]
+    marks = [""] * len(brains)
+    if certified is not None and not all(certified):  # an empty line keeps the other names at one height
+        marks = ["\n" if good else "\nnot certified" for good in certified]
     room = PAGE / max(len(brains), _FEWEST)
     size = (room * len(brains), room * half_height / half_width * (len(rows) + 1) + 0.75)
 
@@ -73,7 +79,7 @@ def series_figure(
         for number, (column, (age, meshes), (first, *_)) in enumerate(zip(axes.T, brains, hemispheres, strict=True)):
             weeks = "age n/a" if age is None else f"{age:g} weeks"
             name = f"\n{names[number]}" if names else ""
-            column[0].set_title(weeks + ("" if several else f", {_HEMISPHERES[first][0]}") + name)
+            column[0].set_title(weeks + ("" if several else f", {_HEMISPHERES[first][0]}") + name + marks[number])
             for axis, row in zip(column, [*rows, None], strict=True):
                 _bare(axis)
                 hemi = row or first
@@ -95,9 +101,20 @@ def series_figure(
 def draw_series(
     brains: Sequence[Mapping[str, Any]], outputs: Sequence[str | Path], *, cell_size: float | None = None
 ) -> None:
-    """Draw the series from mesh files: each brain has its `name`, `age` in weeks and `meshes` by hemisphere."""
+    """Draw the series from files: each brain has its `name`, `age` in weeks, `meshes` and `certificates` by hemisphere.
+
+    A mesh without a certificate is not certified.
+    """
     loaded = [(brain["age"], {hemi: vtu.read(path) for hemi, path in brain["meshes"].items()}) for brain in brains]
-    save(series_figure(loaded, names=[brain["name"] for brain in brains], cell_size=cell_size), *outputs)
+    names, certified = [brain["name"] for brain in brains], [*map(_is_certified, brains)]
+    save(series_figure(loaded, names=names, certified=certified, cell_size=cell_size), *outputs)
+
+
+def _is_certified(brain: Mapping[str, Any]) -> bool:
+    """Whether all meshes of a brain are certified."""
+    certificates = brain["certificates"]
+    known = (read_certificate(certificates[hemi])["certified"] for hemi in brain["meshes"] if hemi in certificates)
+    return certificates.keys() >= brain["meshes"].keys() and all(known)
 
 
 def _bare(axis: Axes) -> None:

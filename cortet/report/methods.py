@@ -132,12 +132,12 @@ def _outcome(certificates: Sequence[Certificate]) -> list[str]:
         f"worst q was {min(worst):.3f} to {max(worst):.3f}."
     ]
     if refused := [content for content in certificates if not content["certified"]]:
-        reasons = "; ".join(f"{content['case']} ({_findings(content)})" for content in refused)
+        reasons = "; ".join(f"{content['case']} ({findings(content)})" for content in refused)
         sentences.append(f"Not certified: {reasons}.")
     return sentences
 
 
-def _findings(certificate: Certificate) -> str:
+def findings(certificate: Certificate) -> str:
     """What failed, with its value and limit."""
     return "; ".join(Check(**check).finding for check in certificate["checks"] if not check["passed"])
 

@@ -15,6 +15,7 @@ from cubes import cube_mesh
 from latex import require_fits
 
 from cortet.formats.tables import names
+from cortet.measure.checks import checked
 from cortet.measure.quality import summarise
 from cortet.paper.mesh_tables import (
     RESOLUTION,
@@ -92,6 +93,34 @@ def test_a_mesh_that_is_missing_is_a_row_that_says_why() -> None:
     assert rows_of(measures_table({}, missing, AGES))[0]["q_max"] is None
 
 
+def test_a_mesh_that_is_not_certified_is_a_row_that_says_why() -> None:
+    records = {at("sub-a", 0.5): record(2), at("sub-b", 0.5): record(2)}
+    refused = {at("sub-a", 0.5): "worst q 0.7, must be below 0.6"}
+    for table in (resolution_table, measures_table):
+        remarks = {row["case"]: row["remarks"] for row in rows_of(table(records, {}, AGES, refused))}
+        assert remarks["sub-a"] == "not certified: worst q 0.7, must be below 0.6"
+        assert remarks["sub-b"] is None
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_its_reasons_are_those_of_its_certificate(table: str, tmp_path: Path) -> None:
+    origin, files = asdict(at("sub-a", 0.6)), {}
+    (tmp_path / "record.json").write_text(json.dumps({"origin": origin, **record(2)}))
+    for limit in (0.6, 0.8):
+        check = asdict(checked("worst_q", 0.7, "<", limit, remedy="use a smaller cell size"))
+        files[limit] = tmp_path / f"{limit}.json"
+        files[limit].write_text(json.dumps({"schema": 1, "certified": check["passed"], "checks": [check]}))
+
+    def remarks(**more: Any) -> str:
+        write_mesh_table(table, [tmp_path / "record.json"], [], [tmp_path / "t.tsv"], ages=AGES, **more)
+        return str(pd.read_csv(tmp_path / "t.tsv", sep="\t", keep_default_na=False)["remarks"][0])
+
+    assert remarks(certificates={str(files[0.8]): origin}) == "n/a"
+    assert remarks(certificates={str(files[0.6]): origin}) == "not certified: worst q 0.7, must be below 0.6"
+    missing = [{"origin": origin, "reason": "certify: out of memory"}]
+    assert remarks(uncertified=missing) == "not certified: certify: out of memory"
+
+
 def test_measures_are_the_largest_of_each_record_and_the_published_range() -> None:
     content = record(2)
     ours, theirs = rows_of(measures_table({at("sub-a", 1.0): content}, {}, AGES))
@@ -119,5 +148,9 @@ def test_they_fit_both_columns_of_a_journal(table: str, tmp_path: Path) -> None:
     path = tmp_path / "record.json"
     path.write_text(json.dumps({"origin": asdict(at("sub-a", 0.6, "published")), **record(2)}))
     missing = [{"origin": asdict(at("sub-b_hemi-L", 0.6)), "reason": "gate: the surface is open along 3 edges"}]
-    write_mesh_table(table, [str(path)], missing, [tmp_path / "table.tex"], ages=AGES | {"sub-b_hemi-L": None})
+    refused = [
+        {"origin": asdict(at("sub-a", 0.6, "published")), "reason": "worst q 0.7123, must be below 0.6; 2 handles"}
+    ]
+    ages = AGES | {"sub-b_hemi-L": None}
+    write_mesh_table(table, [str(path)], missing, [tmp_path / "table.tex"], ages=ages, uncertified=refused)
     require_fits(tmp_path / "table.tex")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -74,8 +75,38 @@ def test_a_hemisphere_is_seen_from_its_own_side() -> None:
 
 def test_it_is_drawn_from_files(tmp_path: Path) -> None:
     vtu.write(ball_mesh(radius=10.0), tmp_path / "a.vtu")
-    brain = {"name": "sub-a", "age": 22.0, "meshes": {"n/a": str(tmp_path / "a.vtu")}}
+    brain = {"name": "sub-a", "age": 22.0, "meshes": {"n/a": str(tmp_path / "a.vtu")}, "certificates": {}}
     draw_series([brain], [tmp_path / "s.png", tmp_path / "s.svg"], cell_size=2.0)
     assert (tmp_path / "s.png").stat().st_size > 5000
     drawn = (tmp_path / "s.svg").read_text()
     assert all(text in drawn for text in ("22 weeks, whole brain", "sub-a", " = 2 mm"))
+
+
+def test_a_brain_with_a_mesh_that_is_not_certified_says_so_below_its_name(tmp_path: Path) -> None:
+    vtu.write(ball_mesh(radius=10.0), tmp_path / "a.vtu")
+    for verdict in (True, False):
+        content = {"schema": 1, "certified": verdict, "checks": [{"id": "worst_q"}]}
+        (tmp_path / f"{verdict}.json").write_text(json.dumps(content))
+    good, bad = (str(tmp_path / f"{verdict}.json") for verdict in (True, False))
+
+    def drawn(**certificates: str) -> list[str]:
+        """Text of the drawing of a brain of two hemispheres, line by line."""
+        meshes = dict.fromkeys("LR", str(tmp_path / "a.vtu"))
+        brain = {"name": "sub-a", "age": 22.0, "meshes": meshes, "certificates": certificates}
+        draw_series([brain], [tmp_path / "s.svg"])
+        return (tmp_path / "s.svg").read_text().splitlines()
+
+    def marks(text: list[str]) -> int:
+        return sum("not certified" in line and "<!--" not in line for line in text)
+
+    assert marks(drawn(L=good, R=good)) == 0
+    assert marks(drawn(L=good, R=bad)) == 1
+    assert marks(drawn(L=good)) == 1, "a mesh without a certificate is not certified"
+
+
+def test_names_stand_at_one_height_beside_a_brain_that_is_not_certified() -> None:
+    ball = ball_mesh(radius=10.0)
+    brains = [(22.0, {"L": ball}), (30.0, {"L": ball})]
+    figure = series_figure(brains, names=["sub-a", "sub-b"], certified=[True, False])
+    titles = [axis.get_title() for axis in figure.axes[:2]]
+    assert titles == ["22 weeks, left\nsub-a\n", "30 weeks, left\nsub-b\nnot certified"]
