@@ -69,7 +69,7 @@ from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound
 from cortet.meshes import FloatArray, TetMesh, TriSurface, require_measurable
 from cortet.version import __version__
 
-VERSION: int = 9
+VERSION: int = 10
 
 #: of the content of certificate.json; raised where a key changes its name or meaning
 SCHEMA = 2

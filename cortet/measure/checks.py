@@ -91,6 +91,16 @@ def in_words(value: float, digits: int = 4) -> str:
     return f"{value:,.0f}" if whole else f"{value:.{digits}g}"
 
 
+def beside_limit(value: float, limit: float) -> tuple[str, str]:
+    """A number and its limit as people write them, with the digits that tell on which side of the limit it is."""
+    for digits in range(4, 18):  # 17 digits are the whole number
+        texts = in_words(value, digits), f"{limit:g}" if float(f"{limit:g}") == limit else f"{limit:.{max(digits, 6)}g}"
+        read, at = (float(text.replace(",", "")) for text in texts)
+        if (read > at, read < at) == (value > limit, value < limit):
+            break
+    return texts
+
+
 @dataclass(frozen=True)
 class Check:
     """One number and the limit that checks it."""
@@ -113,8 +123,10 @@ class Check:
     def finding(self) -> str:
         """Name, value and limit in plain words."""
         unit = f" {self.unit}" if self.unit else ""
-        limit = f"{_WORDS[self.comparison]} {self.limit:g}{unit}" if self.comparison else "no limit"
-        return f"{self.name} {in_words(self.value, 6)}{unit}, {limit}"
+        if self.comparison is None or self.limit is None:
+            return f"{self.name} {in_words(self.value)}{unit}, no limit"
+        value, limit = beside_limit(self.value, self.limit)
+        return f"{self.name} {value}{unit}, {_WORDS[self.comparison]} {limit}{unit}"
 
 
 def checked(

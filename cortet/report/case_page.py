@@ -13,7 +13,7 @@ import pandas as pd
 from cortet.formats.tables import headed
 from cortet.geometry.mending import measurable
 from cortet.geometry.topology import surface_topology
-from cortet.measure.checks import in_words
+from cortet.measure.checks import beside_limit, in_words
 from cortet.measure.counts import COUNTED_LIMITS
 from cortet.meshes import TetMesh, TriSurface
 from cortet.report import pages, pictures, published
@@ -177,9 +177,12 @@ def about(case: Mapping[str, Any]) -> Facts:
 def of_check(check: Mapping[str, Any]) -> dict[str, Any]:
     """A check of a certificate with its `name`, `value` and `limit` as text with units."""
     unit = f" {check['unit']}" if check["unit"] else ""
-    limit = f"{_COMPARED[check['comparison']]} {check['limit']:g}{unit}" if check["comparison"] else "no limit"
+    value, limit = in_words(check["value"]), "no limit"
+    if check["comparison"]:
+        value, most = beside_limit(check["value"], check["limit"])
+        limit = f"{_COMPARED[check['comparison']]} {most}{unit}"
     name = re.sub(r"^[a-z](?=[a-z])", lambda letter: letter[0].upper(), check["name"])  # unless it begins with a symbol
-    return {**check, "name": name, "value": f"{in_words(check['value'])}{unit}", "limit": limit}
+    return {**check, "name": name, "value": f"{value}{unit}", "limit": limit}
 
 
 def limit_of(certificate: Certificate, check_id: str) -> float:

@@ -16,7 +16,7 @@ from cortet.report.records import read_certificate
 from cortet.stages import STAGES
 from cortet.stages.stage import Certificate, counted
 
-VERSION: int = 5
+VERSION: int = 6
 
 #: programs that check every surface
 _ALWAYS = ("pymeshlab",)

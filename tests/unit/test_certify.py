@@ -18,9 +18,10 @@ from cortet.errors import InputError
 from cortet.geometry.banks import banks, gaps, slits
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import SCHEMA, Certificate, certify
-from cortet.measure.checks import NAMES, checked, remedies, with_cell_size
+from cortet.measure.checks import NAMES, Comparison, checked, remedies, with_cell_size
 from cortet.measure.limits import Certify
 from cortet.meshes import TetMesh, TriSurface
+from cortet.report.case_page import of_check
 
 
 @pytest.fixture(scope="module")
@@ -58,11 +59,37 @@ def test_the_limit_of_q_is_strict(mesh: TetMesh, surface: TriSurface) -> None:
     assert certify(mesh, surface, Certify(q_max=np.nextafter(q_max, 1))).certified
 
 
+@pytest.mark.parametrize(
+    ("value", "comparison", "limit", "said"),
+    [
+        (0.0561234, "<=", 0.05, "0.05612, must not exceed 0.05"),
+        (0.299995, "<", 0.6, "0.3, must be below 0.6"),
+        (0.60004, "<", 0.6, "0.60004, must be below 0.6"),
+        (0.599999, "<", 0.6, "0.599999, must be below 0.6"),
+        (0.6, "<", 0.6, "0.6, must be below 0.6"),
+        (0.1 + 0.2, "<=", 0.3, "0.30000000000000004, must not exceed 0.3"),
+        (0.0299999, ">=", 0.03, "0.0299999, must be at least 0.03"),
+        (0.1234568, "<=", 0.12345674, "0.1235, must not exceed 0.123457"),
+        (0.1234568, "<=", 0.12345682, "0.1234568, must not exceed 0.12345682"),
+        (1234567, "==", 0, "1,234,567, must be 0"),
+        (12345.6, "<=", 12346, "12345.6, must not exceed 12346"),
+        (0.0561234, None, None, "0.05612, no limit"),
+    ],
+)
+def test_a_number_has_few_digits_but_tells_on_which_side_of_its_limit_it_is(
+    value: float, comparison: Comparison | None, limit: float | None, said: str
+) -> None:
+    check = checked("worst_q", value, comparison, limit)
+    assert check.finding == f"worst q {said}"
+    on_page = of_check(asdict(check))
+    assert on_page["value"] == said.rpartition(", ")[0]
+
+
 def test_a_missed_limit_comes_with_number_place_reason_and_remedy(surface: TriSurface) -> None:
     bad = cube_mesh(4, side=8.0, jitter=0.3)
     (reason,) = certify(bad, surface).reasons
     worst = certify(bad, surface).worst_elements[0]
-    assert f"worst q {worst.q:.6g}, must be below 0.6" in reason
+    assert f"worst q {worst.q:.4g}, must be below 0.6" in reason
     assert "({:.2f}, {:.2f}, {:.2f}) mm".format(*worst.centre_mm) in reason
     assert worst.reason in reason
     assert "`clean`" in reason
@@ -138,7 +165,7 @@ def test_a_boundary_off_the_surface_is_refused_unless_there_is_no_limit(mesh: Te
     away = replace(mesh, points=mesh.points * 1.01)
     certificate = certify(away, surface, Certify(max_boundary_distance=1e-3))
     assert failed(certificate) == {"node_distance"}
-    assert "0.138564 mm, must not exceed 0.001 mm" in certificate.reasons[0]
+    assert "0.1386 mm, must not exceed 0.001 mm" in certificate.reasons[0]
     assert certify(away, surface, ANY_SIZE).certified
 
 
