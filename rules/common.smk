@@ -17,7 +17,6 @@ from cortet.cohort.lock import is_held_by_parent, require_free
 from cortet.cohort.plan import existing
 from cortet.cohort.receipts import ask, content, receipt_path
 from cortet.cohort.resources import cost
-from cortet.cohort.selection import ageless_notice
 from cortet.config import keys_not_given, read, version_of
 from cortet.errors import CortetError
 from cortet.formats.ownership import changed_of, is_whole
@@ -53,7 +52,7 @@ if DEFAULTS:
     logger.warning(
         f"from config.yaml in {Path.cwd()}, since your own configuration does not say: {'; '.join(DEFAULTS)}"
     )
-for notice in [*CONFIG.notices(), *PLAN.notices(), *ageless_notice(list(CASES.values()))]:
+for notice in [*CONFIG.notices(), *PLAN.notices()]:
     logger.warning(notice)
 
 # scripts/_job.py keeps to it; no parameter of a rule, since another limit makes no other result

@@ -80,7 +80,7 @@ def scan(
     else:
         write_sheet(cases, output)
         print(f"{output}: {len(cases)} surfaces")
-    for notice in ageless_notice(cases):
+    for notice in ageless_notice(cases, smoothed=False, folded=True):
         print(f"  {notice}")
     return 0
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from cortet.cohort.jobs import Job, Jobs, Mesh, existing
 from cortet.cohort.layout import EXPORTED, beside, filled
+from cortet.cohort.selection import ageless_notice
 from cortet.neighbours import neighbours
 
 __all__ = ["AFTER_CERTIFICATE", "Plan", "existing"]
@@ -29,6 +30,16 @@ class Plan(Jobs):
 
     def notices(self) -> list[str]:
         """What a user should know of these cases before they run, in plain words."""
+        return [*self._absent_holes(), *self._ageless()]
+
+    def _ageless(self) -> list[str]:
+        """What is not done with the cases of unknown age; those that are to be folded by name need one."""
+        asked = getattr(getattr(self.config, "fold", None), "cases", None)
+        smoothed = self.config.line() != self.config.line(aged=False)
+        return ageless_notice([*self.cases.values()], smoothed=smoothed, folded=isinstance(asked, (str, int)))
+
+    def _absent_holes(self) -> list[str]:
+        """Holes that are asked for and that no case has."""
         if not self.config.export.holes:
             return []
         from cortet.solver_files.holes import regions_of

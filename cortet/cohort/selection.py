@@ -54,9 +54,18 @@ def _says_yes(case: Case, column: str) -> bool:
     return value.lower() in YES
 
 
-def ageless_notice(cases: Sequence[Case]) -> list[str]:
-    """What becomes of the cases of unknown age, in words; empty if all ages are known."""
+def ageless_notice(cases: Sequence[Case], *, smoothed: bool, folded: bool) -> list[str]:
+    """What is not done with the cases of unknown age, in words; empty if they are treated as all others.
+
+    Parameters
+    ----------
+    smoothed, folded : whether cases of known age are smoothed by it, and folded
+    """
+    lacks = " or ".join(word for word, is_so in (("smoothed", smoothed), ("folded", folded)) if is_so)
     names = [case.name for case in cases if case.scan_age is None]
     shown = ", ".join([*names[:_MOST_NAMES], *(["..."] if len(names) > _MOST_NAMES else [])])
-    told = f"{len(names)} without an age (column scan_age), not smoothed by age and not folded: {shown}"
-    return [told] if names else []
+    told = (
+        f"{len(names)} without a gestational age, so not {lacks}: {shown} (adults have none; "
+        "else give weeks as scan_age in participants.tsv or the sheet)"
+    )
+    return [told] if names and lacks else []

@@ -384,7 +384,7 @@ def test_cohort_scan_writes_a_sheet_and_names_what_has_no_age(
     ]
     shown = capsys.readouterr().out
     assert f"{sheet}: 2 surfaces" in shown
-    assert "1 without an age (column scan_age), not smoothed by age and not folded: sub-A_ses-2_hemi-L" in shown
+    assert "1 without a gestational age, so not folded: sub-A_ses-2_hemi-L (adults have none" in shown
 
 
 def test_cohort_scan_replaces_no_sheet_unasked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

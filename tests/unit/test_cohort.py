@@ -210,9 +210,10 @@ def test_a_case_without_an_age_stays_in_the_sheet(tmp_path: Path) -> None:
     assert [case.scan_age for case in cases] == [30.5, 30.5, None, None]
     write_sheet(cases, tmp_path / "cohort.tsv")
     assert read_sheet(tmp_path / "cohort.tsv") == cases
-    (notice,) = ageless_notice(cases)
-    assert notice.startswith("2 without an age") and notice.endswith("sub-CC02_ses-200_hemi-L, sub-CC02_ses-200_hemi-R")
-    assert ageless_notice(cases[:2]) == []
+    (notice,) = ageless_notice(cases, smoothed=True, folded=True)
+    names = "sub-CC02_ses-200_hemi-L, sub-CC02_ses-200_hemi-R"
+    assert notice.startswith(f"2 without a gestational age, so not smoothed or folded: {names} (adults have none")
+    assert ageless_notice(cases[:2], smoothed=True, folded=True) == []
 
 
 def test_a_case_without_an_age_is_not_folded(tmp_path: Path) -> None:

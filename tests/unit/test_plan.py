@@ -65,6 +65,21 @@ def test_the_line_of_a_case_follows_from_its_row() -> None:
     )
 
 
+def test_a_run_says_of_cases_without_an_age_what_is_not_done_with_them_and_no_more() -> None:
+    by_age = {"smooth_surface": {"method": "published"}}
+    for sections, said in (
+        ({}, []),
+        (by_age, ["so not smoothed"]),
+        ({"fold": {"cases": "all"}}, ["so not folded"]),
+        ({"fold": {"cases": 1}, **by_age}, ["so not smoothed or folded"]),
+        ({"fold": {"cases": [GOOD.name]}}, []),
+    ):
+        notices = plan(**sections).notices()
+        begin = [f"1 without a gestational age, {what}: {PAIR.name} (adults have none; " for what in said]
+        assert [notice.startswith(one) for notice, one in zip(notices, begin, strict=True)] == [True] * len(said)
+    assert plan(GOOD, MADE, **by_age).notices() == []
+
+
 def test_a_bypassed_stage_is_not_read_from() -> None:
     before = plan().mesh_before("clean")
     assert before(mesh_job(GOOD)).endswith("desc-latticeTransferred_tetmesh.vtu")
