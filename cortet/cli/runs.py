@@ -198,8 +198,8 @@ def run(
         code, most = 0, cores or os.cpu_count() or 1
         if not alone:
             code = app.snakemake(work, asked, cores=most, profile=profile, dry_run=dry_run, verbose=common.verbose)
-        elif not dry_run:
-            aggregate(read(work / "config.yaml"), output_dir.absolute())
+        else:
+            aggregate(read(work / "config.yaml"), output_dir.absolute(), dry_run=dry_run)
     if alone and (without := app.without_mesh(output_dir, cases)):
         print(f"no mesh yet: {', '.join(without)} (the level participant makes them)")
     if not dry_run:

@@ -237,12 +237,13 @@ def _write_failure_page(plan: Plan, mesh: Mesh, failure: Mapping[str, Any], page
         temporary.write_bytes(thumbnail(surface, cast(Literal["L", "R"] | None, case.hemi)))
 
 
-def aggregate(config: Mapping[str, Any], output: Path) -> list[Path]:
+def aggregate(config: Mapping[str, Any], output: Path, *, dry_run: bool = False) -> list[Path]:
     """Make the results over all cases of the meshes that earlier runs left; the caller holds the lock of the folder.
 
     Parameters
     ----------
     config : content of a configuration, whose sheet names the cases
+    dry_run : see only whether there is a mesh
 
     Returns
     -------
@@ -255,6 +256,8 @@ def aggregate(config: Mapping[str, Any], output: Path) -> list[Path]:
     plan = plan_of(config)
     if not with_failures(plan).measured_certificates():
         raise InputError("holds no mesh of these cases yet", file=output, remedy="run the level participant first")
+    if dry_run:
+        return []
     asked = receipts.run_record(output).get("asked", [])
     remember_run(plan, config, {*asked, *OF_COHORT}, {})
     return report(output)

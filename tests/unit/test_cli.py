@@ -387,6 +387,16 @@ def test_cohort_scan_writes_a_sheet_and_names_what_has_no_age(
     assert "1 without a gestational age, so not folded: sub-A_ses-2_hemi-L (adults have none" in shown
 
 
+def test_a_dry_run_of_the_group_alone_ends_as_the_run_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "bids/sub-A/anat"
+    folder.mkdir(parents=True)
+    (folder / "sub-A_hemi-left_wm.surf.gii").touch()
+    command = ["run", str(tmp_path / "bids"), str(tmp_path / "out"), "group"]
+    ends = [(main([*command, *more]), capsys.readouterr().err) for more in ([], ["--dry-run"])]
+    assert ends[0] == ends[1]
+    assert ends[0][0] == 1 and "holds no mesh of these cases yet" in ends[0][1]
+
+
 def test_cohort_scan_replaces_no_sheet_unasked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def found(participant: str) -> None:
         folder = tmp_path / "release" / f"sub-{participant}" / "anat"
