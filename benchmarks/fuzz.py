@@ -32,6 +32,7 @@ if __name__ == "__main__":  # before NumPy and Numba are imported: a process tha
         os.environ[variable] = "1"
     os.environ["NUMBA_THREADING_LAYER"] = "workqueue"  # OpenMP ends a process that has forked
 
+import meshio
 import nibabel
 import nibabel.freesurfer.io as freesurfer
 import numpy as np
@@ -43,7 +44,7 @@ from cortet.cohort.scan import scan
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
 from cortet.config import Config, load
 from cortet.errors import CortetError
-from cortet.formats import FORMATS
+from cortet.formats import FORMATS, read_mesh
 from cortet.formats.gifti import read_fields, read_label_names, read_surface, write_surface
 from cortet.formats.placement import matrix, placed
 from cortet.formats.volumes import read_volume
@@ -263,6 +264,12 @@ def seeds(folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
         path = folder / name / f"m{form.suffix}"
         export(mesh, path, solver=name, certificate={"certified": True})
         found[name] = (path, lambda path, name=name: read_and_verify(path, name))
+    for name, packing in (("xdmf_of_meshio", "gzip"), ("plain_xdmf_of_meshio", None)):
+        (folder / name).mkdir()
+        cells = {"region": [np.arange(len(mesh.cells)) % 2]}
+        other = meshio.Mesh(mesh.points, [("tetra", mesh.cells)], {"height": mesh.points[:, 2]}, cells)
+        meshio.xdmf.write(folder / name / "m.xdmf", other, compression=packing)
+        found[name] = (folder / name / "m.xdmf", read_mesh)
     write_surface(surface, folder / "gate" / "s.surf.gii")
     found["gate"] = (folder / "gate" / "s.surf.gii", lambda path: gate(read_surface(path), source=str(path))[0])
     write_surface(surface, folder / "repair" / "s.surf.gii")

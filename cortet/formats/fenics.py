@@ -152,14 +152,19 @@ def _item(parent: ElementTree.Element, values: NDArray[Any], where: str) -> None
 
 
 def read(path: str | Path) -> TetMesh:
-    """Read the four files; tetrahedra are returned as they are there, positive or not.
+    """Read the four files; tetrahedra are returned as they are there, positive or not. Others' files: `foreign_xdmf`.
 
     Raises
     ------
     InputError
-        a file is missing or truncated, an XDMF file has another grid or a shape that differs from that of its data, or
-        the two files have different nodes
+        a file is missing or truncated, an XDMF file has a shape that differs from that of its data, or the two files
+        have different nodes; or as `foreign_xdmf.read`
     """
+    root = xml_root(content(path), path)
+    if root.find(f"Domain/Grid[@Name='mesh']/Attribute[@Name='{REGION}']") is None:
+        from cortet.formats import foreign_xdmf  # meshio loads for these only
+
+        return foreign_xdmf.read(Path(path), root)
     cells = _grid(Path(path), "mesh", "Tetrahedron")
     facets = _grid(facets_path(path), "facets", "Triangle")
     if not np.array_equal(cells.points, facets.points):

@@ -39,7 +39,17 @@ from cortet.solver_files.verify import verify
 
 VOLUMES = ["dseg", "aseg", "fa", "dti"]
 KINDS = [*FORMATS, "gate", "repair", "affine", "fields", "sheet", "config", "release"]
-KINDS += ["text_stl", "ply", "text_ply", "obj", "lh_thickness", "lh_aparc_annot", *VOLUMES]
+KINDS += [
+    "xdmf_of_meshio",
+    "plain_xdmf_of_meshio",
+    "text_stl",
+    "ply",
+    "text_ply",
+    "obj",
+    "lh_thickness",
+    "lh_aparc_annot",
+    *VOLUMES,
+]
 XML = {"vtu": "m.vtu", "febio": "m.feb", "fenics": "m.xdmf", "gifti": "m.surf.gii"}
 
 
