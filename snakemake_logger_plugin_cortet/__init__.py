@@ -24,6 +24,8 @@ from snakemake_interface_logger_plugins.common import LogEvent
 
 #: rule after which a mesh is checked, and rule that folds it
 _LAST, _FOLD = "certify", "fold"
+#: rules that take a mesh with its certificate, which may be of an earlier run
+_AFTER = {"export", "case_page", "case_maps", "volumes", "fold", "folded_surface", "fold_figures"}
 #: what Snakemake says of a failed job, of which our own line says why
 _SAID = ("RuleException", "CalledProcessError")
 _COUNTED = ("At least one job did not complete", "Exiting because a job execution failed")
@@ -106,7 +108,7 @@ class Progress:
             return None
         self.counts["failed"] = self.counts.get("failed", 0) + 1
         self.failures |= {known["name"]} - {""}
-        self.finished |= {known["case"]} - {""}
+        self.finished |= {known["case"]} - {""} if rule not in _AFTER else set()
         what = f"{known['case'] or rule}  failed in {rule}: {reason(log)}"
         return f"{self._counter()}{what}" + (f"\n{' ' * len(self._counter())}more in {log}" if log else "")
 

@@ -89,6 +89,12 @@ def test_a_job_that_fails_after_the_certificate_does_not_count_its_mesh_again(tm
     assert run.failed(2, "export", None).startswith("1/1  sub-01_hemi-L (0.6 mm)  failed in export")
 
 
+def test_a_mesh_of_an_earlier_run_does_not_count_where_its_export_fails() -> None:
+    run, _ = progress()
+    run.started(1, "export", WILDCARDS, {})
+    assert run.failed(1, "export", None).startswith("0/1  sub-01_hemi-L (0.6 mm)  failed in export")
+
+
 @pytest.mark.parametrize("content", [None, "", "begins\n"])
 def test_a_job_without_last_words_was_killed(tmp_path: Path, content: str | None) -> None:
     log = tmp_path / "x.log"
