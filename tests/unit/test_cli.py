@@ -416,7 +416,7 @@ def test_cohort_scan_replaces_no_sheet_unasked(tmp_path: Path, capsys: pytest.Ca
     assert sheet.read_bytes() == edited
     assert main([*command, "--update"]) == 0
     shown = capsys.readouterr().out
-    assert "2 surfaces, 1 of them new and added\n" in shown and "folded: sub-B_hemi-L\n" in shown
+    assert "2 surfaces, 1 of them new and added\n" in shown and "not folded: sub-B_hemi-L (adults have none" in shown
     assert sheet.read_bytes().startswith(edited)
     assert [case.name for case in read_sheet(sheet)] == ["sub-A_hemi-L", "sub-B_hemi-L"]
     assert main([*command, "--force"]) == 0
