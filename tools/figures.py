@@ -74,10 +74,14 @@ def head() -> None:
 
 
 def folded() -> None:
-    """folded_phantom.png: cells half as large as those of the demo cohort, whose folds are shallow."""
+    """folded_phantom.png: cells half as large as those of the demo cohort, whose folds are shallow.
+
+    A phantom is so smooth that its folds grow from the ripples of its mesh, so these stay.
+    """
     run("phantom", "--ga", 22, "-o", "early.surf.gii")
     run("mesh", "early.surf.gii", "--ga", 22, "--cell-size", 0.8, "-o", "early.vtu")
-    run("fold", "early.vtu", "--ga", 22, "--hemi", "L", "--end", 36, "-o", "folded")
+    Path("ripples.yaml").write_text("fold: {smoothing: 0}\n")
+    run("fold", "early.vtu", "--ga", 22, "--hemi", "L", "--end", 36, "--config", "ripples.yaml", "-o", "folded")
     save(PIL.Image.open("folded/folded.png"), "folded_phantom.png", width=1440)
 
 

@@ -60,7 +60,7 @@ def maps_of(frame: TetMesh, start: TetMesh, found: SurfaceMap) -> tuple[TriSurfa
     - depth: distance from the convex hull of the folded surface (`measurements.depth_below_hull`).
     - mean and Gaussian curvature: gradient of the area, lacking angle (Meyer et al. 2003; not smoothed).
     - local gyrification: Toro et al., Cerebral Cortex 18, 2008 (`measurements.local_gyrification`).
-    - thickness: length of what was the straight line across the cortex at the start.
+    - thickness: that at the start, times how much longer the line across the cortex has become since then.
     - growth of area: area of a vertex, a third of that of its triangles, over that at the start.
     - stress: largest eigenvalue of the mean Cauchy stress; pressure: minus a third of its trace (Holzapfel, Nonlinear
       Solid Mechanics, 2000, sections 3.3 and 6.4); positive stress is tension, along which fibres lie (Xu et al.,
@@ -83,15 +83,20 @@ def maps_of(frame: TetMesh, start: TetMesh, found: SurfaceMap) -> tuple[TriSurfa
         raise InputError("the frame holds no stress", remedy="name its week in fold.surfaces, and fold again")
     points, faces = surface.points, surface.faces
     thick = found.on_surface(frame.cell_data[THICKNESS_FIELD])
-    moved = frame.point_data["displacement"]
-    across = thick[:, None] * found.normals + applied(found.to_surface, moved) - applied(found.at_depth(thick), moved)
+    at_depth = found.at_depth(thick)
+
+    def across(moved: FloatArray) -> FloatArray:
+        """Length of what was the straight line across the cortex in the user's mesh."""
+        line = thick[:, None] * found.normals + applied(found.to_surface, moved) - applied(at_depth, moved)
+        return np.asarray(np.linalg.norm(line, axis=1))
+
     normals = vertex_normals(points, faces)
     maps = {
         "depth": depth_below_hull(points),
         "mean_curvature": mean_curvature(points, faces),
         "gaussian_curvature": gaussian_curvature(points, faces),
         "local_gyrification": local_gyrification(points, faces),
-        "thickness": np.linalg.norm(across, axis=1),
+        "thickness": thick * across(frame.point_data["displacement"]) / across(start.point_data["displacement"]),
         "area_growth": vertex_areas(surface) / vertex_areas(folded_surface(start, found)),
     }
     for tissue, above in {"cortex": 0 * thick, "white": thick}.items():

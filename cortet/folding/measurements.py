@@ -49,8 +49,8 @@ COLUMNS = (
     ),
     Column(
         "fold_wavelength_mm",
-        "The same with the lines where this curvature is its median over the cortex: unlike the width, it does not "
-        "depend on how deep folds are; n/a where there are none",
+        "The same with the lines where this curvature is its median over the cortex, so that shallow folds count as "
+        "deep ones do; of a surface without folds, that of its triangles",
         "mm",
     ),
     Column("sulcal_depth_mm", "Mean distance of the cortex from the convex hull", "mm"),

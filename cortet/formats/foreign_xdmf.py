@@ -1,10 +1,12 @@
 """XDMF files of other programs, as meshio writes them: one grid, its arrays in the text or in a `.h5` file beside it.
 
-meshio reads them, after a check that all arrays lie there: XDMF and HDF5 may both lead to any other file.
+XDMF and HDF5 may both lead to any other file, so all arrays are checked to lie there. meshio then reads the XML and the
+data files that were checked, from a folder of their own: it would follow a link of the `.xdmf` to another folder.
 """
 
 from __future__ import annotations
 
+import tempfile
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -25,7 +27,7 @@ _REMEDY = "write one mesh of tetrahedra: meshio.write(FILE, mesh)"
 #: errors that meshio and h5py raise for files that are damaged or hold something else
 _DAMAGED = (
     *(meshio.ReadError, OSError, RuntimeError, ValueError, TypeError, AttributeError, LookupError),
-    *(AssertionError, ElementTree.ParseError),
+    *(AssertionError, MemoryError, ElementTree.ParseError),
 )
 
 
@@ -43,12 +45,15 @@ def read(path: Path, root: ElementTree.Element) -> TetMesh:
         read it, as series of times
     """
     try:
-        for item in root.iter("DataItem"):
-            _require_beside(item, path)
-        found = meshio.xdmf.read(path)
+        sources = {source for item in root.iter("DataItem") if (source := _beside(item, path))}
+        with tempfile.TemporaryDirectory(prefix="cortet-xdmf-") as folder:
+            for source in sources:
+                (Path(folder) / source.name).symlink_to(source.resolve())
+            ElementTree.ElementTree(root).write(Path(folder) / path.stem)
+            found = meshio.xdmf.read(Path(folder) / path.stem)
     except _DAMAGED as error:
-        told = str(error) or type(error).__name__
-        raise InputError(f"is no XDMF file that meshio reads: {told}", file=path, remedy=_REMEDY) from error
+        told = f"{type(error).__name__}: {error}"
+        raise InputError(f"is no XDMF file that meshio reads ({told})", file=path, remedy=_REMEDY) from error
     kinds = [block.type for block in found.cells]
     if other := sorted({*kinds} - _FLAT - {"tetra"}):
         raise InputError(f"holds cells of type {other[0]}, not only tetrahedra", file=path, remedy=_REMEDY)
@@ -63,11 +68,11 @@ def read(path: Path, root: ElementTree.Element) -> TetMesh:
     return sound(path, found.points, cells, found.point_data, of_cells)
 
 
-def _require_beside(item: ElementTree.Element, path: Path) -> None:
-    """Raise InputError unless the array of a DataItem is in the text, or in an HDF5 file beside it."""
+def _beside(item: ElementTree.Element, path: Path) -> Path | None:
+    """The HDF5 file beside it that holds the array of a DataItem; None if its text does. Elsewhere is an InputError."""
     form = "another array" if "Reference" in item.attrib else item.get("Format", "XML")
     if form == "XML":
-        return
+        return None
     if form != "HDF":
         raise InputError(f"has an array from {form}, not from a .h5 file beside it", file=path, remedy=_REMEDY)
     file, _, key = (item.text or "").strip().partition(":")
@@ -79,6 +84,7 @@ def _require_beside(item: ElementTree.Element, path: Path) -> None:
     check_file(source)
     with h5py.File(source, "r") as data:
         _require_stored(data, key, source)
+    return source
 
 
 def _require_stored(data: h5py.File, key: str, source: Path) -> None:

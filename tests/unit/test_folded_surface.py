@@ -117,7 +117,7 @@ def test_every_measure_has_a_file(folder: Path) -> None:
         assert len(found) == len(ball_surface(3, RADIUS).points)
         assert np.isfinite(found).all(), name
     assert values(folder, "area_growth", START) == pytest.approx(1, abs=1e-5)
-    assert values(folder, "thickness", START) == pytest.approx(1.25, rel=2e-3)  # the facets of the ball are ripples
+    assert values(folder, "thickness", START) == pytest.approx(1.25, rel=1e-5)
     assert values(folder, "cortex_stress", START) == pytest.approx(0, abs=1e-6)
     assert values(folder, "depth", START) == pytest.approx(0, abs=1e-4)
     assert np.linalg.norm(values(folder, "cortex_direction"), axis=1) == pytest.approx(1, abs=1e-5)

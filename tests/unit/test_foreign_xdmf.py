@@ -120,3 +120,15 @@ def test_more_than_the_file_holds_is_refused(tmp_path: Path) -> None:
         del data["data0"]
         data.create_dataset("data0", shape=(10**9, 3), dtype=float, chunks=(10**4, 3), compression="gzip")
     assert "which the file does not hold" in refused(path)
+
+
+def test_linked_files_are_those_beside_the_link(tmp_path: Path) -> None:
+    """DataLad keeps the content of each file in a store; a file of the same name there is another one."""
+    store, dataset = tmp_path / "store", tmp_path / "dataset"
+    store.mkdir(), dataset.mkdir()
+    made = written(tmp_path / "x.xdmf")
+    for name, kept in {"x.xdmf": "A", "x.h5": "B"}.items():
+        made.with_name(name).rename(store / kept)
+        (dataset / name).symlink_to(Path("../store") / kept)
+    (store / "x.h5").write_bytes(b"another file")
+    assert np.array_equal(read_mesh(dataset / "x.xdmf").points, CUBE.points)
