@@ -74,14 +74,10 @@ def head() -> None:
 
 
 def folded() -> None:
-    """folded_phantom.png: cells half as large as those of the demo cohort, whose folds are shallow.
-
-    A phantom is so smooth that its folds grow from the ripples of its mesh, so these stay.
-    """
+    """folded_phantom.png: cells half as large as those of the demo cohort, whose folds are shallow."""
     run("phantom", "--ga", 22, "-o", "early.surf.gii")
     run("mesh", "early.surf.gii", "--ga", 22, "--cell-size", 0.8, "-o", "early.vtu")
-    Path("ripples.yaml").write_text("fold: {smoothing: 0}\n")
-    run("fold", "early.vtu", "--ga", 22, "--hemi", "L", "--end", 36, "--config", "ripples.yaml", "-o", "folded")
+    run("fold", "early.vtu", "--ga", 22, "--hemi", "L", "--end", 40, "-o", "folded")
     save(PIL.Image.open("folded/folded.png"), "folded_phantom.png", width=1440)
 
 
