@@ -168,7 +168,7 @@ def folds_of(points: FloatArray, faces: IntArray, cortex: FloatArray) -> Folds:
     values = smoothed_curvature(points, faces)
     area = float(face_areas(points, faces) @ counted)
     order = np.argsort(values)
-    weight = np.cumsum((np.bincount(faces.ravel(), np.repeat(face_areas(points, faces), 3)) * cortex)[order])
+    weight = np.cumsum((vertex_areas(TriSurface(points, faces)) * cortex)[order])
     median = values[order[np.searchsorted(weight, weight[-1] / 2)]]
 
     def between(level: float) -> float | None:

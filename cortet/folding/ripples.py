@@ -15,6 +15,7 @@ from cortet.geometry.spheres import vertex_areas
 from cortet.geometry.topology import boundary_faces
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.stages._harmonic import harmonic
 
 #: implicit steps of the flow of heat
 _STEPS = 4
@@ -33,8 +34,6 @@ def without_ripples(mesh: TetMesh, length: float, fixed: NDArray[np.bool_] | Non
     length : mm, standard deviation of the Gaussian that the flow of heat amounts to
     fixed : (n,), nodes that stay where they are; None: no node
     """
-    from cortet.stages._harmonic import harmonic  # loads the stages, which most folds do without
-
     nodes, inverse = np.unique(boundary_faces(mesh), return_inverse=True)
     surface = TriSurface(mesh.points[nodes], inverse.reshape(-1, 3).astype(np.int32))
     way = np.zeros_like(mesh.points)
