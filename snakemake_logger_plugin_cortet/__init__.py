@@ -24,8 +24,22 @@ from snakemake_interface_logger_plugins.common import LogEvent
 
 #: rule after which a mesh is checked, and rule that folds it
 _LAST, _FOLD = "certify", "fold"
-#: rules that take a mesh with its certificate, which may be of an earlier run
-_AFTER = {"export", "case_page", "case_maps", "volumes", "fold", "folded_surface", "fold_figures"}
+#: rules after the certificate, `cortet.cohort.plan.AFTER_CERTIFICATE`: their mesh may be of an earlier run
+_AFTER = {
+    "volumes",
+    "export",
+    "ten_nodes",
+    "case_page",
+    "case_maps",
+    "fold",
+    "fold_figures",
+    "folded_surface",
+    "common_maps",
+    "convergence_run",
+    "prediction_run",
+    "prediction_views",
+    "prediction_spread",
+}
 #: what Snakemake says of a failed job, of which our own line says why
 _SAID = ("RuleException", "CalledProcessError")
 _COUNTED = ("At least one job did not complete", "Exiting because a job execution failed")

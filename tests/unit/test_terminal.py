@@ -13,7 +13,8 @@ from typing import Any
 import pytest
 from snakemake_interface_logger_plugins.common import LogEvent
 
-from snakemake_logger_plugin_cortet import LogHandler, Progress, mesh_name, reason
+from cortet.cohort.plan import AFTER_CERTIFICATE
+from snakemake_logger_plugin_cortet import _AFTER, LogHandler, Progress, mesh_name, reason
 
 ROOT = Path(__file__).parents[2]
 WILDCARDS = {"case": "sub-01_hemi-L", "res": "0600", "mesher": "lattice", "setting": ""}
@@ -93,6 +94,7 @@ def test_a_mesh_of_an_earlier_run_does_not_count_where_its_export_fails() -> Non
     run, _ = progress()
     run.started(1, "export", WILDCARDS, {})
     assert run.failed(1, "export", None).startswith("0/1  sub-01_hemi-L (0.6 mm)  failed in export")
+    assert set(AFTER_CERTIFICATE) == _AFTER  # which the plugin cannot import
 
 
 @pytest.mark.parametrize("content", [None, "", "begins\n"])
