@@ -207,14 +207,6 @@ def principal(tensors: FloatArray, normals: FloatArray) -> Principal:
     return Principal(np.exp(values[rows, kept[:, 1]]), np.exp(values[rows, kept[:, 0]]), vectors[rows, :, kept[:, 1]])
 
 
-def tensors_of(found: Principal, normals: FloatArray) -> FloatArray:
-    """The tensors (n, 6) of principal stretches along the surface with some unit normals (n, 3)."""
-    along = found.direction
-    other = np.cross(normals, along)
-    matrices = np.log(found.largest)[:, None, None] * along[:, :, None] * along[:, None, :]
-    return _rows(matrices + np.log(found.smallest)[:, None, None] * other[:, :, None] * other[:, None, :])
-
-
 def smoothed(tensors: FloatArray, surface: TriSurface, width_mm: float | None = None) -> Smoothed:
     """Tensors (n, 6) smoothed along the surface; those of neighbours are turned into the plane of the vertex.
 

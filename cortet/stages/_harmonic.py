@@ -50,17 +50,17 @@ def harmonic(mesh: TetMesh, nodes: IntArray, values: FloatArray, guess: FloatArr
     rows = stiffness[inner]
     matrix, coupling = rows[:, inner], rows[:, nodes]
     preconditioner = diags(1 / matrix.diagonal())
-    for column in range(values.shape[1]):
-        right = -(coupling @ values[:, column])
-        start = result[inner, column]
-        with threadpool_limits(1):  # long dot products differ in their last bits with the number of threads
-            found, failed = cg(matrix, right, start, rtol=_TOLERANCE, maxiter=_ITERATIONS, M=preconditioner)
-        if failed:
-            raise StageError(
-                f"harmonic interpolation did not converge in {_ITERATIONS} iterations",
-                remedy="set transfer.interior to nearest",
+    with threadpool_limits(1):  # long dot products differ in their last bits with the number of threads
+        for column in range(values.shape[1]):
+            right, start = -(coupling @ values[:, column]), result[inner, column]
+            result[inner, column], failed = cg(
+                matrix, right, start, rtol=_TOLERANCE, maxiter=_ITERATIONS, M=preconditioner
             )
-        result[inner, column] = found
+            if failed:
+                raise StageError(
+                    f"harmonic interpolation did not converge in {_ITERATIONS} iterations",
+                    remedy="set transfer.interior to nearest",
+                )
     within = np.clip(result, values.min(axis=0), values.max(axis=0))
     return within, int((within != result).any(axis=1).sum())
 
