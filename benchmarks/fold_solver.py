@@ -227,7 +227,7 @@ def growing(
         if np.isfinite(yielding) and step % _PER_YIELD == 0:
             parts = -np.expm1(-_PER_YIELD * rate * dt / yielding) * every
             energies(material, state, work, grown.growth[0], 0.0)
-            relax(body, body, work, grown.growth[0], 0.0, parts)
+            relax(body.gradients, work, grown.growth[0], 0.0, parts)
             renew(work.patches, body)
         yield growth, state.x[strip.surface, 2]
 

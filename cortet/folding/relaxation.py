@@ -22,7 +22,18 @@ from typing import Literal, NamedTuple
 import numba
 import numpy as np
 
-from cortet.folding.body import Body
+from cortet.folding.elements import (
+    ALPHA,
+    BETA,
+    CURRENT,
+    EDGES,
+    SHARE,
+    SMOOTHED,
+    at,
+    grow_elements,
+    put,
+    tensor,
+)
 from cortet.folding.kernels import Work
 from cortet.folding.law import (
     combined,
@@ -30,20 +41,20 @@ from cortet.folding.law import (
     dot,
     fast,
     grown_gradients,
-    growth_share,
     inlined,
     inverse_cube_root,
-    own_growth,
     scaled,
-    vector,
 )
-from cortet.folding.smoothing import deformations, mean_deformation
+from cortet.folding.patches import ISOTROPIC, NORMAL, SIZE, Patches
+from cortet.folding.smoothing import PER_ELEMENT, add_edges
 from cortet.meshes import FloatArray, IntArray
 
 #: part of tau after which tissue yields again
 PART = 0.25
 #: quality of a reference, 1 for a regular tetrahedron and 0 for a flat one, below which its element no longer yields
 FLATTEST = 0.1
+#: row of a patch's own memory that has the part of its strain by which an element yields
+_YIELDS = CURRENT
 
 
 class Relaxation(NamedTuple):
@@ -67,61 +78,64 @@ def _rate(time: Mapping[float, float] | float | Literal["elastic"], age: float) 
     return 1 / time
 
 
-def relax(
-    base: Body,
-    body: Body,
-    work: Work,
-    growth: FloatArray,
-    thickening: float,
-    parts: FloatArray,
-) -> None:
-    """Let elements yield at the positions for which `kernels.energies` ran last: change gradients of `base` in place.
+def relax(gradients: FloatArray, work: Work, growth: FloatArray, thickening: float, parts: FloatArray) -> None:
+    """Let elements yield at the positions for which `kernels.energies` ran last: change their gradients in place.
 
     The strain that relaxes is that of the edges of an element. What only the element has stays, so that it returns to
     the shape that its neighbours want.
 
     Parameters
     ----------
-    base : the reference state
-    body : the same as it has grown where growth was measured, else `base`
+    gradients : (m, 3, 3), of the reference state; where growth was measured, those before it
     growth, thickening : as for `kernels.elastic_forces`
     parts : (m,), 1 - exp(-dt / tau) of the core of each element
     """
-    _relax(tuple(base), tuple(body), tuple(work.edges), growth, thickening, parts)
+    _relax(gradients, tuple(work.patches), tuple(work.edges), growth, thickening, parts, work.own_rows)
 
 
 @numba.njit(parallel=True, cache=True, error_model="numpy")
-def _relax(base, body, edges, growth, thickening, parts):  # type: ignore[no-untyped-def]
-    means = deformations(edges)
-    for e in numba.prange(len(parts)):
-        if parts[e] > 0:
-            _yield(Body(*base), Body(*body), mean_deformation(edges, means, e), growth, thickening, parts[e], e)
+def _relax(gradients, patches, edges, growth, thickening, parts, own_rows):  # type: ignore[no-untyped-def]
+    for patch in numba.prange((len(parts) + SIZE - 1) // SIZE):
+        rows, constants = own_rows[numba.get_thread_id()], Patches(*patches).constants[patch]  # type: ignore[attr-defined]
+        first, last = patch * SIZE, min(len(parts), (patch + 1) * SIZE)
+        add_edges(patch, last - first, edges, rows)
+        grow_elements(rows, constants, Patches(*patches).label[patch], growth, thickening)
+        for i in range(first, last):
+            rows[_YIELDS * SIZE + i - first] = parts[i]
+            for k in range(9):
+                rows[(EDGES + k) * SIZE + i - first] = gradients[i, k // 3, k % 3]
+        _yield(rows, constants)
+        for i in range(first, last):
+            for k in range(9):
+                gradients[i, k // 3, k % 3] = rows[(EDGES + k) * SIZE + i - first]
 
 
 @fast
-def _yield(base, body, deformation, growth, thickening, part, e):  # type: ignore[no-untyped-def]
-    """Let element e yield by a part of the strain of a deformation."""
-    share = growth_share(body.depth[e], body.thickness[e] + thickening, body.mask[e])
-    f0, f1, f2 = deformation
-    j = dot(f0, cross(f1, f2))
-    if not j > 0:
-        return
-    flow = _flow(f0, f1, f2, j, part * (1 - share))
-    along, across, core = vector(growth, body.label[e])
-    alpha, beta = own_growth(share, body.amount[e], along, across, core)
-    own, n = base.gradients[e], vector(body.normals, e)
-    isotropic = 1 - dot(n, n)
-    a, b, c = vector(own, 0), vector(own, 1), vector(own, 2)
-    before = quality(a, b, c)
-    a, b, c = grown_gradients(a, b, c, n, isotropic, alpha, beta)
-    a = _before_growth(_times(flow, a), n, alpha, beta)
-    b = _before_growth(_times(flow, b), n, alpha, beta)
-    c = _before_growth(_times(flow, c), n, alpha, beta)
-    after = quality(a, b, c)
-    if after < FLATTEST and after < before:
-        return
-    for k in range(3):
-        own[0, k], own[1, k], own[2, k] = a[k], b[k], c[k]
+def _yield(rows, constants):  # type: ignore[no-untyped-def]
+    """Let each element of a patch yield: change its gradients, which are in the rows of its edges."""
+    for e in range(SIZE):
+        f0, f1, f2 = tensor(rows, SMOOTHED, e)
+        f0, f1, f2 = scaled(1 / PER_ELEMENT, f0), scaled(1 / PER_ELEMENT, f1), scaled(1 / PER_ELEMENT, f2)
+        j, part = dot(f0, cross(f1, f2)), rows[_YIELDS * SIZE + e]
+        flow = _flow(f0, f1, f2, j, part * (1 - rows[SHARE * SIZE + e]))
+        alpha, beta = rows[ALPHA * SIZE + e], rows[BETA * SIZE + e]
+        n, isotropic = at(constants, NORMAL, e), constants[ISOTROPIC * SIZE + e]
+        a, b, c = tensor(rows, EDGES, e)
+        u, v, w = grown_gradients(a, b, c, n, isotropic, alpha, beta)
+        u = _before_growth(_times(flow, u), n, alpha, beta)
+        v = _before_growth(_times(flow, v), n, alpha, beta)
+        w = _before_growth(_times(flow, w), n, alpha, beta)
+        after = quality(u, v, w)
+        yields = (part > 0) & (j > 0) & ((after >= FLATTEST) | (after >= quality(a, b, c)))
+        put(rows, EDGES, e, _chosen(yields, u, a))
+        put(rows, EDGES + 3, e, _chosen(yields, v, b))
+        put(rows, EDGES + 6, e, _chosen(yields, w, c))
+
+
+@inlined
+def _chosen(first, a, b):  # type: ignore[no-untyped-def]
+    """One of two vectors, without a branch."""
+    return a[0] if first else b[0], a[1] if first else b[1], a[2] if first else b[2]
 
 
 @inlined

@@ -304,7 +304,7 @@ def _relax(run: Run, moment: Moment, time: float, duration: float) -> None:
     parts = 1 - np.exp(-run.relaxation.rates(age) * (age_of(time + duration) - age))
     _, before = _energies(run, moment, time)
     thickening = float(course.thickening[0])
-    relax(moment.base, moment.body, moment.work, course.growth[0], thickening, parts[run.relaxation.law])
+    relax(moment.base.gradients, moment.work, course.growth[0], thickening, parts[run.relaxation.law])
     moment.body = run.growth.body(moment.base, time)
     renew(moment.work.patches, moment.body)
     moment.work.energy[0] += before - _energies(run, moment, time)[1]

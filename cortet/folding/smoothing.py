@@ -54,9 +54,10 @@ class Edges(NamedTuple):
     #: elements around edge i: around[starts[i]:starts[i + 1]]
     starts: NDArray[np.int64]
     around: NDArray[np.int64]
-    #: (10 m,), weight of each element and F times it; (10 d,), nothing and the stress of each edge
+    #: (10 m,), weight of each element and F times it
     weighted: FloatArray
-    stress: FloatArray
+    #: (10 d,), nothing and a tensor of each edge: its stress in a step, its F after `kernels.energies`
+    tensors: FloatArray
 
 
 def edges_of(cells: IntArray, *, smoothed: bool = True) -> Edges:
@@ -73,7 +74,7 @@ def edges_of(cells: IntArray, *, smoothed: bool = True) -> Edges:
         starts=np.append(0, np.cumsum(np.bincount(ids))),
         around=np.argsort(ids, kind="stable") // PER_ELEMENT,
         weighted=np.zeros(len(cells) * TEN),
-        stress=np.zeros(len(first) * TEN),
+        tensors=np.zeros(len(first) * TEN),
     )
 
 
@@ -99,43 +100,15 @@ def _summed(values, places, first, last):  # type: ignore[no-untyped-def]
 @inlined
 def _sum_of_edge(edges, i):  # type: ignore[no-untyped-def]
     """Weight of edge i, and the nine components of F there times it."""
-    _of_element, starts, around, weighted, _stress = edges
+    _of_element, starts, around, weighted, _tensors = edges
     return _summed(weighted, around, starts[i], starts[i + 1])
 
 
 @inlined
-def mean_deformation(edges, means, e):  # type: ignore[no-untyped-def]
-    """Rows of the mean F of the six edges of element e, from `deformations`."""
-    _, a, b, c, d, f, g, h, i, j = _summed(means, edges[0], e * PER_ELEMENT, (e + 1) * PER_ELEMENT)
-    return scaled(1 / PER_ELEMENT, (a, b, c)), scaled(1 / PER_ELEMENT, (d, f, g)), scaled(1 / PER_ELEMENT, (h, i, j))
-
-
-@inlined
-def edge_deformation(means, i):  # type: ignore[no-untyped-def]
-    """Rows of F of edge i, from `deformations`."""
-    t = i * TEN + 1
-    return (
-        (means[t], means[t + 1], means[t + 2]),
-        (means[t + 3], means[t + 4], means[t + 5]),
-        (means[t + 6], means[t + 7], means[t + 8]),
-    )
-
-
-@numba.njit(parallel=True, cache=True, error_model="numpy")
-def deformations(edges):  # type: ignore[no-untyped-def]
-    """F of each edge at the positions for which `kernels.energies` ran last: (10 d,), one number and nine components.
-
-    Parameters
-    ----------
-    edges : a tuple of `Edges`
-    """
-    found = np.empty((len(edges[1]) - 1) * TEN)
-    for i in numba.prange(len(edges[1]) - 1):
-        w, a, b, c, d, e, f, g, h, k = _sum_of_edge(edges, i)
-        r, t = 1 / w, i * TEN
-        found[t], found[t + 1], found[t + 2], found[t + 3], found[t + 4] = w, r * a, r * b, r * c, r * d
-        found[t + 5], found[t + 6], found[t + 7], found[t + 8], found[t + 9] = r * e, r * f, r * g, r * h, r * k
-    return found
+def edge_deformation(edges, i):  # type: ignore[no-untyped-def]
+    """Rows of F of edge i, after `kernels.energies`."""
+    f, t = edges[4], i * TEN + 1
+    return (f[t], f[t + 1], f[t + 2]), (f[t + 3], f[t + 4], f[t + 5]), (f[t + 6], f[t + 7], f[t + 8])
 
 
 @fast
@@ -164,21 +137,25 @@ def stress_edges(first, last, edges, part, rows):  # type: ignore[no-untyped-def
         put_tensor(rows, SMOOTHED, o, p0, p1, p2)
         rows[J * SIZE + o] = j
         rows[GROWN * SIZE + o] = trace
-    degenerate, stresses = 0, edges[4]
+    degenerate = 0
     for i in range(first, last):
         o = i - first
         if may_be_degenerate(rows[J * SIZE + o], rows[GROWN * SIZE + o]):
             degenerate += _open(rows, o, part)
         for k in range(9):
-            stresses[i * TEN + 1 + k] = rows[(SMOOTHED + k) * SIZE + o]
+            edges[4][i * TEN + 1 + k] = rows[(SMOOTHED + k) * SIZE + o]
     return degenerate
 
 
 @fast
 def energy_of_edges(first, last, edges, rows, energy):  # type: ignore[no-untyped-def]
-    """Shear energy (d,) of a block of at most SIZE edges."""
+    """Shear energy (d,) of a block of at most SIZE edges, whose F stays in `edges.tensors`."""
     _sum_edges(first, last, edges, rows)
     energy_of_rows(first, last, rows, energy)
+    for i in range(first, last):
+        r = 1 / rows[MEAN * SIZE + i - first]
+        for k in range(9):
+            edges[4][i * TEN + 1 + k] = r * rows[(EDGES + k) * SIZE + i - first]
 
 
 @fast
@@ -212,11 +189,11 @@ def put_weighted(patch, elements, edges, rows):  # type: ignore[no-untyped-def]
 
 @fast
 def add_edges(patch, count, edges, rows):  # type: ignore[no-untyped-def]
-    """Write the sum of the stresses of the six edges of each element of a patch to its rows."""
-    of_element, _starts, _around, _weighted, stresses = edges
+    """Write the sum of the tensors of the six edges of each element of a patch to its rows."""
+    of_element, _starts, _around, _weighted, tensors = edges
     for e in range(count):
         first = (patch * SIZE + e) * PER_ELEMENT
-        _, a, b, c, d, f, g, h, i, j = _summed(stresses, of_element, first, first + PER_ELEMENT)
+        _, a, b, c, d, f, g, h, i, j = _summed(tensors, of_element, first, first + PER_ELEMENT)
         put_tensor(rows, SMOOTHED, e, (a, b, c), (d, f, g), (h, i, j))
 
 

@@ -41,7 +41,7 @@ def step(body: Body, x: FloatArray, part: float, growth: FloatArray = NOTHING) -
     """Let a body yield; the energy that it had before."""
     work = workspace(body)
     before = sum(energies(MATERIAL, Motion(x, np.zeros_like(x)), work, growth, 0.0))
-    relax(body, body, work, growth, 0.0, np.full(len(body.cells), part))
+    relax(body.gradients, work, growth, 0.0, np.full(len(body.cells), part))
     return before
 
 
