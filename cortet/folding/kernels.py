@@ -193,7 +193,7 @@ def _forces(patch, patches, edges, material, x, growth, thickening, elements, ra
     for e in range(SIZE):
         rows[MEAN * SIZE + e] = mean_ratio(own, corners, e)
     if material.own < 1:
-        add_edges(patch, count, edges, rows)
+        add_edges(patch, count, Edges(*edges).of_element, Edges(*edges).stress, rows)
     else:
         rows[SMOOTHED * SIZE :] = 0.0
     stress_elements(rows, constants, material)

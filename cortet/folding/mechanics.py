@@ -23,7 +23,7 @@ from cortet.folding.law import (
     stretches,
     vector,
 )
-from cortet.folding.smoothing import PER_ELEMENT, edge_deformation
+from cortet.folding.smoothing import PER_ELEMENT, Edges, edge_deformation
 from cortet.folding.state import Moment, Run
 from cortet.meshes import FloatArray
 
@@ -46,7 +46,7 @@ def mechanics(run: Run, moment: Moment) -> Mechanics:
 
     Parameters
     ----------
-    moment : after `run.measured`, whose nodal volumes are those of now
+    moment : after `run.measured`, whose nodal volumes and F of edges are those of now
     """
     course = run.growth.at(np.array([moment.time]), moment.dt)
     return Mechanics(
@@ -64,7 +64,7 @@ def mechanics(run: Run, moment: Moment) -> Mechanics:
 
 @numba.njit(cache=True, error_model="numpy")
 def _mechanics(body, material, edges, x, ratio, growth, thickening):  # type: ignore[no-untyped-def]
-    body, material = Body(*body), Material(*material)
+    body, material, edges = Body(*body), Material(*material), Edges(*edges)
     part = (1 - material.own) / PER_ELEMENT
     sigma, largest = np.empty((len(body.cells), 6)), np.empty(len(body.cells))
     for e in range(len(body.cells)):
@@ -84,7 +84,7 @@ def _mechanics(body, material, edges, x, ratio, growth, thickening):  # type: ig
         if part > 0:
             largest[e] *= material.own
             for k in range(e * PER_ELEMENT, (e + 1) * PER_ELEMENT):
-                f0, f1, f2 = edge_deformation(edges, edges[0][k])
+                f0, f1, f2 = edge_deformation(edges.deformation, edges.of_element[k])
                 of_edge, stretch = _cauchy(f0, f1, f2, mu * part, 0.0)
                 sigma[e] += of_edge
                 largest[e] += part * stretch

@@ -46,15 +46,15 @@ from cortet.folding.law import (
     scaled,
 )
 from cortet.folding.patches import ISOTROPIC, NORMAL, SIZE, Patches
-from cortet.folding.smoothing import PER_ELEMENT, add_edges
+from cortet.folding.smoothing import PER_ELEMENT, Edges, add_edges
 from cortet.meshes import FloatArray, IntArray
 
 #: part of tau after which tissue yields again
 PART = 0.25
 #: quality of a reference, 1 for a regular tetrahedron and 0 for a flat one, below which its element no longer yields
 FLATTEST = 0.1
-#: row of a patch's own memory that has the part of its strain by which an element yields
-_YIELDS = CURRENT
+#: row of a patch's own memory for the part of its strain by which an element yields; `grow_elements` writes to it first
+_PART = CURRENT
 
 
 class Relaxation(NamedTuple):
@@ -87,6 +87,7 @@ def relax(gradients: FloatArray, work: Work, growth: FloatArray, thickening: flo
     Parameters
     ----------
     gradients : (m, 3, 3), of the reference state; where growth was measured, those before it
+    work : its patches have the body, as it has grown where growth was measured (`patches.renew`)
     growth, thickening : as for `kernels.elastic_forces`
     parts : (m,), 1 - exp(-dt / tau) of the core of each element
     """
@@ -98,10 +99,10 @@ def _relax(gradients, patches, edges, growth, thickening, parts, own_rows):  # t
     for patch in numba.prange((len(parts) + SIZE - 1) // SIZE):
         rows, constants = own_rows[numba.get_thread_id()], Patches(*patches).constants[patch]  # type: ignore[attr-defined]
         first, last = patch * SIZE, min(len(parts), (patch + 1) * SIZE)
-        add_edges(patch, last - first, edges, rows)
+        add_edges(patch, last - first, Edges(*edges).of_element, Edges(*edges).deformation, rows)
         grow_elements(rows, constants, Patches(*patches).label[patch], growth, thickening)
         for i in range(first, last):
-            rows[_YIELDS * SIZE + i - first] = parts[i]
+            rows[_PART * SIZE + i - first] = parts[i]
             for k in range(9):
                 rows[(EDGES + k) * SIZE + i - first] = gradients[i, k // 3, k % 3]
         _yield(rows, constants)
@@ -112,11 +113,11 @@ def _relax(gradients, patches, edges, growth, thickening, parts, own_rows):  # t
 
 @fast
 def _yield(rows, constants):  # type: ignore[no-untyped-def]
-    """Let each element of a patch yield: change its gradients, which are in the rows of its edges."""
+    """Let each element of a patch yield: change its gradients, in the rows EDGES; SMOOTHED has six times F."""
     for e in range(SIZE):
         f0, f1, f2 = tensor(rows, SMOOTHED, e)
         f0, f1, f2 = scaled(1 / PER_ELEMENT, f0), scaled(1 / PER_ELEMENT, f1), scaled(1 / PER_ELEMENT, f2)
-        j, part = dot(f0, cross(f1, f2)), rows[_YIELDS * SIZE + e]
+        j, part = dot(f0, cross(f1, f2)), rows[_PART * SIZE + e]
         flow = _flow(f0, f1, f2, j, part * (1 - rows[SHARE * SIZE + e]))
         alpha, beta = rows[ALPHA * SIZE + e], rows[BETA * SIZE + e]
         n, isotropic = at(constants, NORMAL, e), constants[ISOTROPIC * SIZE + e]
@@ -125,7 +126,7 @@ def _yield(rows, constants):  # type: ignore[no-untyped-def]
         u = _before_growth(_times(flow, u), n, alpha, beta)
         v = _before_growth(_times(flow, v), n, alpha, beta)
         w = _before_growth(_times(flow, w), n, alpha, beta)
-        after = quality(u, v, w)
+        after = quality(u, v, w)  # NaN, of an inverted element, compares as false
         yields = (part > 0) & (j > 0) & ((after >= FLATTEST) | (after >= quality(a, b, c)))
         put(rows, EDGES, e, _chosen(yields, u, a))
         put(rows, EDGES + 3, e, _chosen(yields, v, b))

@@ -56,15 +56,17 @@ class Edges(NamedTuple):
     around: NDArray[np.int64]
     #: (10 m,), weight of each element and F times it
     weighted: FloatArray
-    #: (10 d,), nothing and a tensor of each edge: its stress in a step, its F after `kernels.energies`
-    tensors: FloatArray
+    #: (10 d,) each, nothing and a tensor of each edge: its stress at the last positions for which forces were computed;
+    #: its F at those for which `kernels.energies` ran last
+    stress: FloatArray
+    deformation: FloatArray
 
 
 def edges_of(cells: IntArray, *, smoothed: bool = True) -> Edges:
     """The edges of a body with these elements (m, 4); of none if it is not smoothed."""
     if not smoothed:
         none = np.zeros(0, np.int64)
-        return Edges(none, np.zeros(1, np.int64), none, np.zeros(0), np.zeros(0))
+        return Edges(none, np.zeros(1, np.int64), none, *np.zeros((3, 0)))
     _, first, ids = np.unique(packed(cells[:, _PAIRS].reshape(-1, 2)), return_index=True, return_inverse=True)
     place = np.empty(len(first), np.int64)
     place[np.argsort(first, kind="stable")] = np.arange(len(first))
@@ -74,7 +76,8 @@ def edges_of(cells: IntArray, *, smoothed: bool = True) -> Edges:
         starts=np.append(0, np.cumsum(np.bincount(ids))),
         around=np.argsort(ids, kind="stable") // PER_ELEMENT,
         weighted=np.zeros(len(cells) * TEN),
-        tensors=np.zeros(len(first) * TEN),
+        stress=np.zeros(len(first) * TEN),
+        deformation=np.zeros(len(first) * TEN),
     )
 
 
@@ -100,14 +103,14 @@ def _summed(values, places, first, last):  # type: ignore[no-untyped-def]
 @inlined
 def _sum_of_edge(edges, i):  # type: ignore[no-untyped-def]
     """Weight of edge i, and the nine components of F there times it."""
-    _of_element, starts, around, weighted, _tensors = edges
+    _of_element, starts, around, weighted, _stress, _deformation = edges
     return _summed(weighted, around, starts[i], starts[i + 1])
 
 
 @inlined
-def edge_deformation(edges, i):  # type: ignore[no-untyped-def]
-    """Rows of F of edge i, after `kernels.energies`."""
-    f, t = edges[4], i * TEN + 1
+def edge_deformation(deformation, i):  # type: ignore[no-untyped-def]
+    """Rows of F of edge i, from `Edges.deformation`."""
+    f, t = deformation, i * TEN + 1
     return (f[t], f[t + 1], f[t + 2]), (f[t + 3], f[t + 4], f[t + 5]), (f[t + 6], f[t + 7], f[t + 8])
 
 
@@ -130,6 +133,7 @@ def _deformation(rows, o):  # type: ignore[no-untyped-def]
 @fast
 def stress_edges(first, last, edges, part, rows):  # type: ignore[no-untyped-def]
     """Stress of a block of at most SIZE edges, for a modulus of `part`; return how many are degenerate."""
+    _of_element, _starts, _around, _weighted, stresses, _deformations = edges
     _sum_edges(first, last, edges, rows)
     for o in range(SIZE):
         f0, f1, f2 = _deformation(rows, o)
@@ -143,19 +147,20 @@ def stress_edges(first, last, edges, part, rows):  # type: ignore[no-untyped-def
         if may_be_degenerate(rows[J * SIZE + o], rows[GROWN * SIZE + o]):
             degenerate += _open(rows, o, part)
         for k in range(9):
-            edges[4][i * TEN + 1 + k] = rows[(SMOOTHED + k) * SIZE + o]
+            stresses[i * TEN + 1 + k] = rows[(SMOOTHED + k) * SIZE + o]
     return degenerate
 
 
 @fast
 def energy_of_edges(first, last, edges, rows, energy):  # type: ignore[no-untyped-def]
-    """Shear energy (d,) of a block of at most SIZE edges, whose F stays in `edges.tensors`."""
+    """Shear energy (d,) of a block of at most SIZE edges, whose F stays in `edges.deformation`."""
+    _of_element, _starts, _around, _weighted, _stresses, deformations = edges
     _sum_edges(first, last, edges, rows)
     energy_of_rows(first, last, rows, energy)
     for i in range(first, last):
         r = 1 / rows[MEAN * SIZE + i - first]
         for k in range(9):
-            edges[4][i * TEN + 1 + k] = r * rows[(EDGES + k) * SIZE + i - first]
+            deformations[i * TEN + 1 + k] = r * rows[(EDGES + k) * SIZE + i - first]
 
 
 @fast
@@ -188,9 +193,8 @@ def put_weighted(patch, elements, edges, rows):  # type: ignore[no-untyped-def]
 
 
 @fast
-def add_edges(patch, count, edges, rows):  # type: ignore[no-untyped-def]
-    """Write the sum of the tensors of the six edges of each element of a patch to its rows."""
-    of_element, _starts, _around, _weighted, tensors = edges
+def add_edges(patch, count, of_element, tensors, rows):  # type: ignore[no-untyped-def]
+    """Write the sum of the tensors of the six edges of each element of a patch, stresses or F, to its rows SMOOTHED."""
     for e in range(count):
         first = (patch * SIZE + e) * PER_ELEMENT
         _, a, b, c, d, f, g, h, i, j = _summed(tensors, of_element, first, first + PER_ELEMENT)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from cortet.folding.body import Body, Material, Scale, body_of
 from cortet.folding.fold import fold
 from cortet.folding.journal import TABLE
 from cortet.folding.kernels import Motion, elastic_forces, energies, nodal_forces, workspace
+from cortet.folding.law import growth_share, own_growth
 from cortet.folding.models import tangential
 from cortet.folding.relaxation import FLATTEST, Relaxation, quality, relax
 from cortet.folding.run import advance_to, beginning, prepared
@@ -53,6 +55,87 @@ def elastic_strain(body: Body, x: FloatArray, element: int = 0) -> FloatArray:
 
 
 SHEARED = np.array([[1.3, 0.4, 0.0], [0.0, 0.9, 0.1], [0.0, 0.0, 1.0]])
+
+
+def uneven(count: int) -> tuple[Body, FloatArray]:
+    """A body of so many elements, each with its own depth, normal, thickness and label, and deformed positions."""
+    rng, ball = np.random.default_rng(count), ball_mesh(3)
+    nodes, cells = np.unique(ball.cells[:count], return_inverse=True)
+    points, cells = ball.points[nodes], cells.reshape(-1, 4).astype(np.int32)
+    edges = points[cells[:, 1:]] - points[cells[:, :1]]
+    normals = rng.normal(size=(count, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals[::4] = 0
+    gradients = np.linalg.inv(edges).transpose(0, 2, 1)
+    gradients[::7] *= [1, 1, 50]  # almost flat, and the body becomes so in the same direction
+    body = Body(
+        cells=cells,
+        gradients=np.ascontiguousarray(gradients),
+        volumes=np.linalg.det(edges) / 6,
+        normals=normals,
+        depth=rng.uniform(0, 0.3, count),
+        mask=rng.uniform(size=count),
+        amount=rng.uniform(size=count),
+        stiffness=rng.uniform(0.3, 3, count),
+        thickness=rng.uniform(0.1, 0.2, count),
+        label=rng.integers(0, 3, count).astype(np.int32),
+        held=np.zeros(len(points), bool),
+    )
+    moved = points * [4, 4, 1 / 16] @ (np.eye(3) + 0.2 * rng.normal(size=(3, 3)))
+    moved[::9] += 0.3 * rng.normal(size=moved[::9].shape)  # some elements are inverted
+    return body, moved
+
+
+def yielded(body: Body, x: FloatArray, growth: FloatArray, parts: FloatArray) -> tuple[FloatArray, set[str]]:
+    """Gradients by the formulas of `relaxation` and `smoothing`, one element after another; which cases there were."""
+    shares = [growth_share(*each) for each in zip(body.depth, body.thickness, body.mask, strict=True)]
+    grown, weights, deformed = [], [], []
+    for e, (share, n) in enumerate(zip(shares, body.normals, strict=True)):
+        alpha, beta = own_growth(share, body.amount[e], *growth[body.label[e]])
+        across = beta if n.any() else alpha
+        grown.append((1 + alpha) * np.eye(3) + (across - alpha) * np.outer(n, n))
+        corners = x[body.cells[e]]
+        deformed.append((corners[1:] - corners[0]).T @ body.gradients[e] @ np.linalg.inv(grown[e]))
+        modulus = MATERIAL.mu_core * body.stiffness[e] * (1 - share) + MATERIAL.mu_cortex * share
+        weights.append(modulus * body.volumes[e] * np.linalg.det(grown[e]))
+    around: dict[tuple[int, ...], list[int]] = {}
+    for e, cell in enumerate(body.cells):
+        for pair in combinations(sorted(cell.tolist()), 2):
+            around.setdefault(pair, []).append(e)
+    means = {
+        p: np.average([deformed[e] for e in at], axis=0, weights=[weights[e] for e in at]) for p, at in around.items()
+    }
+    after, cases = body.gradients.copy(), set()
+    for e, cell in enumerate(body.cells):
+        f = np.mean([means[pair] for pair in combinations(sorted(cell.tolist()), 2)], axis=0)
+        if np.linalg.det(f) <= 0 or parts[e] == 0:
+            cases.add("inverted" if parts[e] else "elastic")
+            continue
+        c = np.linalg.det(f) ** (-2 / 3) * f.T @ f
+        p = min(parts[e] * (1 - shares[e]) / 2, 1 / (1 + np.trace(c)))
+        flow = (1 - p) * np.eye(3) + p * c
+        flow /= np.cbrt(np.linalg.det(flow))
+        new = body.gradients[e] @ np.linalg.inv(grown[e]) @ np.linalg.inv(flow) @ grown[e]
+        now, then = (quality(*map(tuple, rows)) for rows in (new, body.gradients[e]))
+        cases.add("yields" if now >= FLATTEST or now >= then else "too flat")
+        if now >= FLATTEST or now >= then:
+            after[e] = new
+    return after, cases
+
+
+@pytest.mark.parametrize("count", [1, 512, 513, 1100])
+def test_every_element_yields_by_its_own_growth_and_depth(count: int) -> None:
+    body, x = uneven(count)
+    growth, parts = np.array([[0.3, -0.1, 0.05], [0.1, 0.2, 0.0], [0.0, 0.0, -0.2]]), np.full(count, 0.4)
+    parts[1::5] = 0
+    expected, cases = yielded(body, x, growth, parts)
+    work = workspace(body)
+    for memory in (work.own_rows, work.own_nodes, work.edges.deformation):
+        memory[:] = np.nan  # what was there before does not matter
+    energies(MATERIAL, Motion(x, np.zeros_like(x)), work, growth, 0.0)
+    relax(body.gradients, work, growth, 0.0, parts)
+    assert body.gradients == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    assert count < 512 or cases == {"inverted", "elastic", "yields", "too flat"}
 
 
 def test_a_small_strain_that_is_held_decays_by_the_exponential() -> None:
