@@ -309,10 +309,12 @@ def _listed(names: Iterable[str]) -> str:
 _MARKERS = {"lattice": (BLUE, "o"), "cgal": (VERMILION, "^")}
 #: pair of runs -> line of their correlations, and what it is in the legend
 _PAIR_LINES = {
-    "realisations": ("-", "another direction"),
-    "meshers": (":", "another mesher"),
-    "sizes": ("--", "smallest $h$"),
+    "realisations": ("-", "with another direction"),
+    "meshers": (":", "with another mesher"),
+    "sizes": ("--", "with the smallest $h$"),
 }
+#: entries of a row of the legend
+_COLUMNS = 4
 _X_AXIS = f"{H} / thickness"
 
 
@@ -333,9 +335,15 @@ def convergence_figure(runs: Sequence[Run], table: pd.DataFrame) -> Figure:
         for axis in (*axes, places):
             axis.set_xlim(-0.08 * largest, 1.05 * largest)
         letter([*axes, places])
-        handles = [*map(_handle, meshers), *_meanings(limits=bool((table["cell_size_mm"] == 0).any()))]
+        handles = [
+            *map(_handle, meshers),
+            *_meanings(limits=bool((table["cell_size_mm"] == 0).any())),
+            *_pairs(table, panel="abcdefgh"[len(axes)]),
+        ]
         cases = ", ".join(dict.fromkeys(run.case for run in runs))
-        legend = figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), title=cases)
+        legend = figure.legend(
+            handles=handles, loc="outside upper center", ncols=min(len(handles), _COLUMNS), title=cases
+        )
         legend.get_title().set_fontsize(7)
     return figure
 
@@ -351,6 +359,15 @@ def _meanings(*, limits: bool) -> list[Line2D]:
     mean = Line2D([], [], color="black", label="mean")
     end = Line2D([], [], color="black", marker="o", linestyle="none", label=f"limit for {H} = 0, with its error")
     return [one, mean, *([end] if limits else [])]
+
+
+def _pairs(table: pd.DataFrame, panel: str) -> list[Line2D]:
+    """What lines of the panel of correlations mean, for the legend."""
+    return [
+        Line2D([], [], linestyle=style, color="black", label=f"{panel}: {words}")
+        for pair, (style, words) in _PAIR_LINES.items()
+        if table[f"correlation_{pair}"].notna().any()
+    ]
 
 
 def _draw_number(axis: Axes, runs: Sequence[Run], table: pd.DataFrame, column: str, *, zero: float) -> None:
@@ -381,12 +398,7 @@ def _draw_places(axis: Axes, table: pd.DataFrame) -> None:
                 ms=2,
                 clip_on=False,
             )
-    for pair, (style, words) in _PAIR_LINES.items():
-        if measured[f"correlation_{pair}"].notna().any():
-            axis.plot([], [], style, color="black", label=words)
     axis.set(xlabel=_X_AXIS, ylabel="$r$ of gained depth", ylim=(None, 1))
-    if axis.get_legend_handles_labels()[1]:
-        axis.legend(loc="best", title="with the mesh of", title_fontsize=6)
 
 
 def write_convergence(folders: Sequence[Path], outputs: Sequence[str | Path]) -> None:
