@@ -70,7 +70,8 @@ def test_ctrl_c_is_no_failure_and_the_next_run_goes_on(study: Path) -> None:
         yaml.safe_dump(settings | {"generate": {"cell_size": [2.0]}, "quality": CONFIG["quality"]})
     )
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    command = [*SNAKEMAKE, "meshes", STATUS]
+    # a shell lets what it runs in the background ignore Ctrl-C, and so these tests and what they start
+    command = ["env", "--default-signal=INT", *SNAKEMAKE, "meshes", STATUS]
     with subprocess.Popen(
         command, cwd=study, env=environment, stdout=subprocess.PIPE, text=True, start_new_session=True
     ) as run:
