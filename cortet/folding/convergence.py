@@ -16,6 +16,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from string import ascii_lowercase
 from typing import Any
 
 import numpy as np
@@ -338,7 +339,7 @@ def convergence_figure(runs: Sequence[Run], table: pd.DataFrame) -> Figure:
         handles = [
             *map(_handle, meshers),
             *_meanings(limits=bool((table["cell_size_mm"] == 0).any())),
-            *_pairs(table, panel="abcdefgh"[len(axes)]),
+            *_pairs(table, panel=ascii_lowercase[len(axes)]),
         ]
         cases = ", ".join(dict.fromkeys(run.case for run in runs))
         legend = figure.legend(

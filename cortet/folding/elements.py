@@ -49,7 +49,7 @@ from cortet.folding.patches import (
 #: rows of a patch's own memory, few, so that they fit in the cache: edges from corner 0, later replaced by the forces
 #: on the corners 1, 2 and 3; share of the cortex, growth along and across it, grown volume; current volume, later
 #: replaced by J; the mean ratio of the nodal volumes, which replaces the growth of the core and gives way to tr B; and
-#: the sum of the stresses of its six edges (`smoothing`). Where it yields: gradients in place of edges, F of stresses
+#: the sum of the stresses of its six edges (`smoothing`). For `relaxation`, gradients in place of edges, F of stresses
 EDGES, SHARE, ALPHA, BETA, GROWN, CURRENT, MEAN, SMOOTHED, OWN_ROWS = 0, 9, 10, 11, 12, 13, 14, 15, 24
 J, TRACE = CURRENT, MEAN
 

@@ -86,7 +86,7 @@ def relax(gradients: FloatArray, work: Work, growth: FloatArray, thickening: flo
 
     Parameters
     ----------
-    gradients : (m, 3, 3), of the reference state; where growth was measured, those before it
+    gradients : (m, 3, 3), of the reference state, without growth that was measured
     work : its patches have the body, as it has grown where growth was measured (`patches.renew`)
     growth, thickening : as for `kernels.elastic_forces`
     parts : (m,), 1 - exp(-dt / tau) of the core of each element

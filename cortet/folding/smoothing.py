@@ -133,7 +133,6 @@ def _deformation(rows, o):  # type: ignore[no-untyped-def]
 @fast
 def stress_edges(first, last, edges, part, rows):  # type: ignore[no-untyped-def]
     """Stress of a block of at most SIZE edges, for a modulus of `part`; return how many are degenerate."""
-    _of_element, _starts, _around, _weighted, stresses, _deformations = edges
     _sum_edges(first, last, edges, rows)
     for o in range(SIZE):
         f0, f1, f2 = _deformation(rows, o)
@@ -147,20 +146,19 @@ def stress_edges(first, last, edges, part, rows):  # type: ignore[no-untyped-def
         if may_be_degenerate(rows[J * SIZE + o], rows[GROWN * SIZE + o]):
             degenerate += _open(rows, o, part)
         for k in range(9):
-            stresses[i * TEN + 1 + k] = rows[(SMOOTHED + k) * SIZE + o]
+            Edges(*edges).stress[i * TEN + 1 + k] = rows[(SMOOTHED + k) * SIZE + o]
     return degenerate
 
 
 @fast
 def energy_of_edges(first, last, edges, rows, energy):  # type: ignore[no-untyped-def]
     """Shear energy (d,) of a block of at most SIZE edges, whose F stays in `edges.deformation`."""
-    _of_element, _starts, _around, _weighted, _stresses, deformations = edges
     _sum_edges(first, last, edges, rows)
     energy_of_rows(first, last, rows, energy)
     for i in range(first, last):
         r = 1 / rows[MEAN * SIZE + i - first]
         for k in range(9):
-            deformations[i * TEN + 1 + k] = r * rows[(EDGES + k) * SIZE + i - first]
+            Edges(*edges).deformation[i * TEN + 1 + k] = r * rows[(EDGES + k) * SIZE + i - first]
 
 
 @fast
