@@ -40,8 +40,9 @@ notebook: setup ## run the notebook of examples/, and store its outputs
 benchmark: setup ## what became slower than in COMMIT (the last one), in CPU seconds of one run
 	python benchmarks/speed.py slower $(COMMIT)
 
-wheel: setup ## build the package that `pip install` takes, in .cache/wheel
-	pip wheel --quiet --no-deps --no-build-isolation --wheel-dir .cache/wheel .
+wheel: ## build the package that `pip install` takes, in .cache/wheel; needs Python alone, and seconds
+	python3 -m venv .cache/build
+	.cache/build/bin/pip wheel --quiet --no-deps --wheel-dir .cache/wheel .
 	@rm -rf build
 
 doctor: setup ## prove that every dependency works
