@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import functools
+from collections.abc import Callable, Iterable
+from typing import ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 #: most characters of a message, because a value may be as long as the file that it is in
 _LONGEST = 10_000
@@ -49,6 +54,19 @@ class DamagedFileError(InputError):
 
 class StageError(CortetError):
     """A stage could not produce a valid result from valid input."""
+
+
+def short_traceback(call: Callable[P, R]) -> Callable[P, R]:
+    """A public call whose `CortetError` comes without the frames inside cortet: its message is all that helps."""
+
+    @functools.wraps(call)
+    def called(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return call(*args, **kwargs)
+        except CortetError as error:
+            raise error.with_traceback(None) from None
+
+    return called
 
 
 def place_mm(point: Iterable[float]) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from cortet.api.given import Later, Settings, SurfaceLike, surface
 from cortet.api.meshing import Mesh, tetrahedra
 from cortet.config import load
-from cortet.errors import InputError
+from cortet.errors import InputError, short_traceback
 from cortet.formats.gifti import read_surface
 from cortet.measure.certify import Certificate
 from cortet.meshes import TetMesh, TriSurface
@@ -22,6 +22,7 @@ else:
     pd = Later("pandas")
 
 
+@short_traceback
 def certify(
     made: TetMesh | Mesh | str | Path,
     shape: SurfaceLike,
@@ -63,6 +64,7 @@ def certify(
     return checked(tetrahedra(made), surface(shape), config.certify, cell_size=cell_size)
 
 
+@short_traceback
 def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSurface, dict[str, Any]]:
     """Repair a surface that is open, not manifold, turned inside out or crosses itself.
 
@@ -94,6 +96,7 @@ def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSur
     return result, asdict(report)
 
 
+@short_traceback
 def compare(
     meshes: Mapping[str, TetMesh | Mesh | str | Path], shape: SurfaceLike, cell_size: float | None = None
 ) -> pd.DataFrame:

@@ -13,7 +13,7 @@ from cortet.api.given import Settings, SurfaceLike, surface
 from cortet.api.meshing import Mesh, say, tetrahedra
 from cortet.config import load
 from cortet.config import read as read_settings
-from cortet.errors import InputError
+from cortet.errors import InputError, short_traceback
 from cortet.formats.ownership import guarded
 from cortet.geometry.filling import require_body
 from cortet.geometry.topology import edges
@@ -31,6 +31,7 @@ from cortet.solver_files.sidecar import read_sidecar
 _ELSEWHERE = 0.25
 
 
+@short_traceback
 def read(path: str | Path, shape: SurfaceLike | None = None, cell_size: float | None = None) -> Mesh:
     """A mesh from a file of any format, checked against the surface that it fills.
 
@@ -63,6 +64,7 @@ def read(path: str | Path, shape: SurfaceLike | None = None, cell_size: float | 
     return _known(Mesh(mesh, certificate, filled, config=config), file, source)
 
 
+@short_traceback
 def improve(
     made: TetMesh | Mesh | str | Path,
     shape: SurfaceLike | None = None,
@@ -117,6 +119,7 @@ def improve(
     return _known(Mesh(*found, config=config), made if isinstance(made, TetMesh | Mesh) else Path(made), source)
 
 
+@short_traceback
 def convert(source: str | Path, target: str | Path, *, force: bool = False) -> list[str]:
     """Write a mesh file in another format, which the ending of `target` names, and read it back.
 

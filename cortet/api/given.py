@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cortet.errors import InputError
+from cortet.errors import InputError, short_traceback
 from cortet.formats.gifti import read_surface, surface_of
 from cortet.geometry.limits import NAME
 from cortet.meshes import TriSurface
@@ -53,6 +53,7 @@ def values_of(given: ArrayLike) -> NDArray[Any]:
     return values
 
 
+@short_traceback
 def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
     """A surface from any object that holds one.
 

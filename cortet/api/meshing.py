@@ -26,19 +26,22 @@ from cortet.api.given import (
     values_of,
 )
 from cortet.config import Config, load, read
-from cortet.errors import InputError
+from cortet.errors import InputError, short_traceback
 from cortet.formats import format_of
 from cortet.formats.gifti import hemisphere_of, kind_of
 from cortet.formats.ownership import guarded
 from cortet.formats.placement import placed
+from cortet.formats.set_arrays import with_sets
 from cortet.formats.tables import names
 from cortet.formats.tags import regions
 from cortet.formats.volumes import Volume
 from cortet.geometry.limits import SCAN_AGES, SHELL_MM, require_within
 from cortet.geometry.nesting import nested, sheets
 from cortet.measure.certify import Certificate, with_remarks
+from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, region_names, require_measurable
-from cortet.pipeline import Meshed, Step, mesh_surface, save, with_sets
+from cortet.pipeline import Meshed, Step, mesh_surface, save
+from cortet.pipeline import with_sets as with_named_sets
 from cortet.solver_files.earlier import read_today
 from cortet.solver_files.fields import with_fields, with_q
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
@@ -115,6 +118,24 @@ class Mesh:
         """Tetrahedra: (m, 4)."""
         return self.mesh.cells
 
+    #: the same by the words of the field
+    nodes, tetrahedra = points, cells
+
+    @property
+    def n_points(self) -> int:
+        """Number of nodes."""
+        return len(self.points)
+
+    @property
+    def n_cells(self) -> int:
+        """Number of tetrahedra."""
+        return len(self.cells)
+
+    @property
+    def volume(self) -> float:
+        """Volume, mm³."""
+        return float(signed_volumes(self.points, self.cells).sum())
+
     @property
     def certified(self) -> bool:
         """Whether the mesh passed every check."""
@@ -123,10 +144,9 @@ class Mesh:
     @property
     def quality(self) -> FloatArray:
         """q of each tetrahedron, 0 for the regular one: (m,)."""
-        from cortet.measure.quality import quality
-
         return quality(self.points, self.cells)
 
+    @short_traceback
     def to_surface(
         self, values: ArrayLike, *, depth: float | tuple[float, float] | None = None, region: str | None = None
     ) -> NDArray[Any]:
@@ -148,6 +168,7 @@ class Mesh:
         """
         return self.surface_map(region).on_surface(values_of(values), depth)
 
+    @short_traceback
     def from_surface(self, values: ArrayLike, *, fit: bool = False, region: str | None = None) -> NDArray[Any]:
         """Values of the given surface, (v,) or (v, k), at the nodes: (n,) or (n, k), NaN inside.
 
@@ -217,26 +238,27 @@ class Mesh:
         return regions(self.named())
 
     def to_pyvista(self) -> pyvista.UnstructuredGrid:
-        """The mesh for PyVista with the fields of its VTU file, among them `q` and `region` of each tetrahedron."""
+        """The mesh for PyVista with the arrays of its VTU file: fields, named sets, `q` and `region`."""
         import pyvista
 
         grid = pyvista.UnstructuredGrid({pyvista.CellType.TETRA: self.cells}, self.points)
-        for name, values in self.mesh.point_data.items():
-            grid.point_data[name] = values
-        for name, values in self._of_cells().items():
-            grid.cell_data[name] = values
+        of_nodes, of_cells = self._arrays()
+        grid.point_data.update(of_nodes)
+        grid.cell_data.update(of_cells)
         return grid
 
     def to_meshio(self) -> meshio.Mesh:
-        """The mesh for meshio, with the fields of `to_pyvista`."""
+        """The mesh for meshio, with the arrays of `to_pyvista`."""
         import meshio
 
-        fields = {name: [values] for name, values in self._of_cells().items()}
-        return meshio.Mesh(self.points, [("tetra", self.cells)], dict(self.mesh.point_data), fields)
+        of_nodes, of_cells = self._arrays()
+        return meshio.Mesh(
+            self.points, [("tetra", self.cells)], of_nodes, {name: [values] for name, values in of_cells.items()}
+        )
 
-    def _of_cells(self) -> dict[str, NDArray[Any]]:
-        """Fields of tetrahedra: those of the mesh, q, and the numbers of regions that files have."""
-        return with_q(self.named()).cell_data
+    def _arrays(self) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
+        """Arrays of nodes and of tetrahedra, as the VTU file has them."""
+        return with_sets(with_q(self.named()))
 
     def plot(self, size: tuple[int, int] = (1200, 900)) -> NDArray[np.uint8]:
         """A picture of the mesh, cut open, with the rest transparent: (height, width, 4); needs no display."""
@@ -248,8 +270,9 @@ class Mesh:
         """The mesh with its named sets and the numbers of its regions, as files hold it."""
         export = self.config.export
         sets = {"sets": export.sets(self.kind), "labels": self.label_names, "units": export.field_units}
-        return with_sets(self.mesh, self.surface, self.origin, **sets)[0]
+        return with_named_sets(self.mesh, self.surface, self.origin, **sets)[0]
 
+    @short_traceback
     def save(self, path: str | Path, *, force: bool = False) -> Path:
         """Write the mesh in the format that the file's ending names, verified, with its companions.
 
@@ -307,6 +330,7 @@ class Mesh:
         return f"<p>{text}</p>{image(self.plot(_PICTURE))}{self.certificate._repr_html_()}"
 
 
+@short_traceback
 def mesh(
     shape: SurfaceLike,
     cell_size: float | None = None,

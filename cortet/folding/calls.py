@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cortet.api.given import Later, SurfaceLike, require_hemisphere, surface
 from cortet.api.meshing import Mesh, image, say, tetrahedra
 from cortet.config import load
-from cortet.errors import InputError
+from cortet.errors import InputError, short_traceback
 from cortet.folding import AGES
 from cortet.geometry.limits import require_within
 from cortet.meshes import TetMesh, region_names
@@ -30,6 +30,7 @@ else:
 __all__ = ["Folded", "fold", "growth"]
 
 
+@short_traceback
 def growth(
     early: SurfaceLike,
     later: SurfaceLike,
@@ -115,6 +116,7 @@ class Folded:
         return f"<p>{html.escape(self.verdict['reason'])}</p>{image(self.plot())}"
 
 
+@short_traceback
 def fold(
     made: TetMesh | Mesh | str | Path,
     ga: float | None = None,

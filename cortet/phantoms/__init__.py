@@ -17,7 +17,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
-from cortet.errors import InputError
+from cortet.errors import InputError, short_traceback
 from cortet.geometry import topology
 from cortet.geometry.icosphere import icosphere
 from cortet.geometry.limits import PHANTOM_AGES, SUBDIVISIONS, THICKNESS_MM, require_within
@@ -109,6 +109,7 @@ _RELIEF = (
 )
 
 
+@short_traceback
 def phantom(gestational_age: float, *, hemisphere: str = "L", subdivisions: int = 5, seed: int = 0) -> TriSurface:
     """Inner cortical surface of one synthetic hemisphere, mm, left or right of the plane x = 0.
 

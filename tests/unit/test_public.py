@@ -83,14 +83,25 @@ def test_a_mesh_that_was_saved_is_read_with_what_is_known_of_it(folder: Path, tm
         cortet.read(folder / "foreign.vtu")
 
 
-def test_other_programs_get_q_and_the_numbers_of_regions(folder: Path) -> None:
+def test_other_programs_get_the_arrays_of_the_file(folder: Path) -> None:
     made = cortet.read(folder / "x.vtu")
     grid, other, file = made.to_pyvista(), made.to_meshio(), pyvista.read(folder / "x.vtu")
+    for arrays in (grid, other):
+        assert set(arrays.cell_data) == set(file.cell_data) and set(arrays.point_data) == set(file.point_data)
     for values in (grid.cell_data, {name: one for name, (one,) in other.cell_data.items()}):
         assert np.array_equal(values["q"], made.quality.astype(np.float32))
         assert np.array_equal(values["q"], file.cell_data["q"])
         assert np.array_equal(values["region"], file.cell_data["region"])
     assert np.array_equal(other.cells[0].data, made.cells)
+    assert made.nodes is made.points and made.tetrahedra is made.cells
+    assert (made.n_points, made.n_cells) == (grid.n_points, grid.n_cells)
+    assert made.volume == pytest.approx(grid.volume)
+
+
+def test_an_error_of_a_call_has_no_frames_inside_cortet(folder: Path) -> None:
+    with pytest.raises(InputError, match="nofile") as raised:
+        cortet.mesh(folder / "nofile.surf.gii")
+    assert len(raised.traceback) == 2 and raised.value.__cause__ is None
 
 
 def test_a_mesh_of_another_program_is_improved_and_certified(folder: Path, tmp_path: Path) -> None:
