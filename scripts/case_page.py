@@ -28,9 +28,9 @@ write_case_page(
     slices=Path(given.tissues[1]) if given.tissues else None,
     meshed=gifti.read_nested(given.meshed, []),
     files=[
+        *((name, f"{name} (the result, {form})") for name, form in params.exported["names"] if exported),
         (Path(given.certificate).name, "certificate (JSON)"),
-        (Path(given.mesh).name, "mesh (VTU, for ParaView)"),
-        *((name, f"for solvers: {form}") for name, form in params.exported["names"] if exported),
+        (Path(given.mesh).name, "mesh of the last stage (VTU)"),
     ],
     facts=about(params.about),
     cohort=params.cohort,

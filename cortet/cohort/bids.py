@@ -58,7 +58,8 @@ _README = """\
 |---|---|
 | `cohort/index.html` | all cases on one page, failures first; begin here (made by the group level, or by `snakemake`) |
 | `cohort/*.tsv` | tables over all cases; the `.json` beside each explains its columns |
-| `sub-*/**/mesh/*Solver_tetmesh.*` | the meshes for solvers, in the formats that were asked for |
+| `sub-*/**/mesh/*Solver_sets.vtu` | the mesh of each case, with its regions and named sets, for ParaView and PyVista |
+| `sub-*/**/mesh/*Solver_tetmesh.*` | the same mesh for the other solvers that were requested |
 | `sub-*/**/mesh/*Solver_certificate.json` | the verdict on each, with every number beside its limit |
 | `sub-*/**/mesh/*Solver_report.html` | the page of one mesh: pictures, its numbers, the boundary in 3D |
 | `sub-*/**/anat/` | surfaces after each stage on them |
@@ -66,7 +67,9 @@ _README = """\
 | `logs/`, `benchmarks/` | what each job said, and what it took |
 | `descriptions.tsv` | what each `desc-...` of a file name means |
 
-Lengths are in mm. Other files under `mesh` are those between stages: a later run goes on from them.
+Lengths are in mm. Other files under `mesh` are intermediate: a later run continues from them.
+
+Which file do I open? The result of a case is its `*Solver_sets.vtu`.
 """
 
 
