@@ -35,13 +35,18 @@ class Later(ModuleType):
 
 
 def values_of(given: ArrayLike) -> NDArray[Any]:
-    """Numbers or labels, one or several for each place: (n,) or (n, k).
+    """Numbers or labels, one or several for each place: (n,) or (n, k); masked numbers are NaN.
 
     Raises
     ------
-    InputError : they are no numbers, or of another shape
+    InputError : they are no numbers, of another shape, or labels of which some are masked
     """
     try:
+        if isinstance(given, np.ma.MaskedArray):
+            if np.issubdtype(given.dtype, np.integer):
+                _require_unmasked(given, "values")
+            else:
+                given = np.ma.filled(np.ma.asarray(given, np.float64), np.nan)
         values = np.asarray(given)
         values = values.astype(np.float64) if values.dtype == object else values
     except (TypeError, ValueError) as error:  # rows of several lengths, or things without a number

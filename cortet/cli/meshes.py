@@ -399,7 +399,7 @@ def project(
     Parameters
     ----------
     result
-        VTU, VTK, XDMF, Exodus, ...: fields of nodes and elements, steps.
+        VTU, VTK, PVD, XDMF, ...: fields of nodes and elements, steps.
     mesh
         The mesh that the solver ran on, as cortet wrote it.
     output
@@ -422,7 +422,7 @@ def project(
     from cortet.formats.gifti import hemisphere_of, require_same_hemisphere, write_fields
     from cortet.formats.ownership import may_write
     from cortet.formats.tsv import write_tsv
-    from cortet.geometry.spheres import carried
+    from cortet.geometry.interpolation import applied
     from cortet.solver_files.common_sphere import onto_common, read_parcels
     from cortet.solver_files.results import on_surface, read_result
     from cortet.solver_files.sidecar import read_sidecar
@@ -445,18 +445,19 @@ def project(
     if sphere and template_sphere:
         weights = onto_common(found.native, sphere, common_sphere(Resample(template=str(template_sphere))))
     below = _millimetres(depth, found, thickness, mesh) if depth else None
-    fields, told = on_surface(read_result(result), found, file=result, mesh_file=mesh, depth=below)
+    fields, whole, told = on_surface(read_result(result), found, file=result, mesh_file=mesh, depth=below)
     for line in told:
         print(f"{result}: {line}")
     if labels:
-        means = {name: labels.means(values) for name, values in fields.items()}
         rows = [
-            {"parcel": key, "field": name, "mean": mean} for name, some in means.items() for key, mean in some.items()
+            {"parcel": parcel, "field": name, "value": value}
+            for name, values in fields.items()
+            for parcel, value in (labels.labels(values) if name in whole else labels.means(values)).items()
         ]
-        write_tsv(rows, ["parcel", "field", "mean"], table)
-        print(f"{table}: {len(rows)} means")
+        write_tsv(rows, ["parcel", "field", "value"], table)
+        print(f"{table}: {len(rows)} means and labels")
     if weights is not None:
-        fields = {name: carried(weights, values) for name, values in fields.items()}
+        fields = {name: applied(weights, values, labels=name in whole) for name, values in fields.items()}
     write_fields(fields, output, hemisphere=hemisphere)
     count = len(found.points) if weights is None else weights.shape[0]
     print(f"{output}: {len(fields)} fields of {count:,} vertices: {', '.join(fields)}")

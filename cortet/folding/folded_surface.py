@@ -18,11 +18,12 @@ from cortet.folding.measurements import depth_below_hull, gaussian_curvature, lo
 from cortet.formats import vtu
 from cortet.formats.components import in_components
 from cortet.formats.gifti import write_fields, write_surface
+from cortet.geometry.interpolation import applied
 from cortet.geometry.spheres import vertex_areas
 from cortet.geometry.topology import vertex_normals
 from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.solver_files.results import invariants, symmetric
-from cortet.solver_files.surface_map import SurfaceMap, applied
+from cortet.solver_files.surface_map import SurfaceMap
 
 VERSION: int = 2
 

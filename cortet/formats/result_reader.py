@@ -10,6 +10,7 @@ import json
 import logging
 import sys
 import warnings
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -57,9 +58,6 @@ def _with_pyvista(path: Path) -> Iterator[_Step]:
 
         reader = FRDReader(path)
     times = list(getattr(reader, "time_values", ()))
-    if isinstance(reader, pyvista.ExodusIIReader) and len(times) < 2:  # of files that meshio wrote, VTK returns noise
-        yield from _with_meshio(path)  # which reads the first time only
-        return
     for time in times or [None]:
         if time is not None:
             reader.set_active_time_value(time)
@@ -97,14 +95,17 @@ def _of_series(series: Any) -> Iterator[_Step]:
     """The steps of an XDMF file. dolfinx writes a series for each field, of which meshio takes the last."""
     with series:
         points, blocks = series.read_points_cells()
-        found: dict[float, tuple[dict[str, Any], dict[str, Any]]] = {}
+        #: by time and how often a series had this time before
+        found: dict[tuple[float, int], tuple[dict[str, Any], dict[str, Any]]] = {}
         for collection in [list(grid) for grid in series.domain if grid.get("CollectionType") == "Temporal"]:
             series.collection = collection
+            seen: Counter[float] = Counter()
             for number in range(len(collection)):
                 time, *fields = series.read_data(number)
-                for known, more in zip(found.setdefault(time, ({}, {})), fields, strict=True):
+                for known, more in zip(found.setdefault((time, seen[time]), ({}, {})), fields, strict=True):
                     known.update(more)
-        for time, (of_nodes, of_cells) in sorted(found.items()):
+                seen[time] += 1
+        for (time, _), (of_nodes, of_cells) in sorted(found.items(), key=lambda one: one[0]):
             yield _of_blocks(time, points, blocks, of_nodes, of_cells)
 
 

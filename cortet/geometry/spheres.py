@@ -6,14 +6,12 @@ The rules are those of Connectome Workbench (SurfaceResamplingHelper; https://ww
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from cortet.geometry.closest_point import closest_points, surface_tree
-from cortet.geometry.interpolation import is_label
 from cortet.geometry.topology import enclosed_volume, face_areas, surface_topology
 from cortet.meshes import FloatArray, TriSurface
 
@@ -88,25 +86,3 @@ def vertex_areas(surface: TriSurface) -> FloatArray:
     """Area of each vertex, a third of that of the triangles around it: (n,) mm2."""
     areas: FloatArray = np.repeat(face_areas(surface.points, surface.faces) / 3, 3)
     return np.bincount(surface.faces.ravel(), areas, minlength=len(surface.points)).astype(np.float64)
-
-
-def carried(weights: Weights, values: NDArray[Any]) -> NDArray[Any]:
-    """A field at the new vertices: the weighted mean; for an integer field (labels), the value with the largest weight.
-
-    Parameters
-    ----------
-    values : (n,) or (n, k) at the old vertices
-    """
-    if not is_label(values):
-        mean: NDArray[Any] = weights @ values.astype(np.float64)
-        return mean
-    columns = values.reshape(len(values), -1).T
-    return np.stack([_of_largest_weight(weights, column) for column in columns], axis=-1).reshape(-1, *values.shape[1:])
-
-
-def _of_largest_weight(weights: Weights, labels: NDArray[Any]) -> NDArray[Any]:
-    """The label (n,) with the largest weight at each new vertex; the smallest label in a tie."""
-    keys, number = np.unique(labels, return_inverse=True)
-    chosen = sparse.csr_matrix((np.ones(len(labels)), (np.arange(len(labels)), number)), shape=(len(labels), len(keys)))
-    most: NDArray[Any] = keys[np.asarray((weights @ chosen).argmax(axis=1)).ravel()]
-    return most

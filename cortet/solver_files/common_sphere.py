@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from cortet.errors import InputError
 from cortet.formats.gifti import read_fields, read_label_names, read_surface
-from cortet.geometry.interpolation import is_label
+from cortet.geometry.interpolation import applied, is_label
 from cortet.geometry.spheres import Weights, barycentric, flaws, of_one_radius, same_triangles, vertex_areas
 from cortet.meshes import TriSurface
 
@@ -22,20 +23,37 @@ class Parcels:
     """Parcels of a surface."""
 
     #: (v,) key of the parcel of each vertex
-    labels: NDArray[np.integer]
+    keys: NDArray[np.integer]
     #: key -> name
     names: Mapping[int, str]
     #: (v,) mm2
     areas: NDArray[np.float64]
 
     def means(self, values: NDArray[Any]) -> dict[str, float]:
-        """Mean of values (v,) over the area of each parcel, by its name; NaN where no vertex has a value."""
-        keys, place = np.unique(self.labels, return_inverse=True)
+        """Mean of values (v,) over the area of each parcel, by its name; NaN where no vertex has a value.
+
+        Parcels of one name are one parcel.
+        """
+        names, place = self._places
         weights = np.where(np.isfinite(values), self.areas, 0.0)
         total = np.bincount(place, weights * np.nan_to_num(values))
         area = np.bincount(place, weights)
-        means = np.divide(total, area, out=np.full(len(keys), np.nan), where=area > 0)
-        return {self.names.get(int(key), str(key)): float(mean) for key, mean in zip(keys, means, strict=True)}
+        means = np.divide(total, area, out=np.full(len(names), np.nan), where=area > 0)
+        return dict(zip(names, means.tolist(), strict=True))
+
+    def labels(self, values: NDArray[Any]) -> dict[str, float]:
+        """The label (v,) of the largest area in each parcel, by its name; NaN where no vertex has one."""
+        names, place = self._places
+        known = np.flatnonzero(np.isfinite(values))
+        weights = csr_array((self.areas[known], (place[known], known)), shape=(len(names), len(values)))
+        return dict(zip(names, applied(weights, values, labels=True).tolist(), strict=True))
+
+    @property
+    def _places(self) -> tuple[list[str], NDArray[np.intp]]:
+        """Names of parcels, and which of them each vertex belongs to."""
+        keys, of_key = np.unique(self.keys, return_inverse=True)
+        names, place = np.unique([self.names.get(int(key), str(key)) for key in keys], return_inverse=True)
+        return names.tolist(), place[of_key]
 
 
 def read_parcels(file: Path, surface: TriSurface) -> Parcels:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import signal
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +19,12 @@ from cortet.formats import child, result_reader
 from cortet.formats.components import in_components
 from cortet.formats.placement import UNITS
 from cortet.formats.set_arrays import holds_set
-from cortet.formats.untrusted import check_file, naming, sound
+from cortet.formats.untrusted import check_file, naming, safely_named, sound
+from cortet.geometry.interpolation import is_label
 from cortet.geometry.topology import edges, used_vertices
 from cortet.meshes import IntArray, TetMesh
 from cortet.solver_files.fields import Q, with_q
-from cortet.solver_files.surface_map import Depth, SurfaceMap, applied
+from cortet.solver_files.surface_map import Depth, SurfaceMap
 
 #: units that the coordinates of a result may have -> mm
 _UNITS = {**UNITS, "cm": 10.0}
@@ -31,6 +32,8 @@ _UNITS = {**UNITS, "cm": 10.0}
 _SAME_EXTENT = 1e-3
 #: rounding of coordinates in files, over the extent of the mesh
 _ROUNDED = 1e-5
+#: endings of Exodus
+_EXODUS = (".e", ".exo", ".ex2", ".exii", ".g")
 #: nodes are the same within this share of the shortest edge
 _SAME_NODE = 0.05
 #: rows and columns of the six numbers of a symmetric tensor: xx, yy, zz, xy, yz, xz, as VTK has them
@@ -65,9 +68,11 @@ def read_result(path: Path) -> Iterator[Step]:
 
     Raises
     ------
-    InputError : neither PyVista nor meshio can read the file, or what they read is no mesh with fields
+    InputError : neither PyVista nor meshio can read the file, or what they read is no mesh with fields; it is Exodus
     """
     check_file(path)
+    if path.suffix.lower() in _EXODUS:  # a block for each region, which PyVista tears apart; meshio reads one time
+        raise InputError("is Exodus, which is not read", file=path, remedy="save it as PVD or XDMF with ParaView")
     with TemporaryDirectory(prefix="cortet-result-") as folder:
         done = child.run([sys.executable, "-P", result_reader.__file__, str(path.absolute()), folder])
         if done.returncode:
@@ -76,7 +81,7 @@ def read_result(path: Path) -> Iterator[Step]:
             raise InputError(
                 f"cannot be read as a result: {broke}",
                 file=path,
-                remedy="write VTU, VTK, XDMF or Exodus, or what else PyVista or meshio reads",
+                remedy="write VTU, VTK, PVD or XDMF, or what else PyVista or meshio reads",
             )
         for file in sorted(Path(folder).glob("*.npz")):
             with np.load(file) as arrays, naming(path):
@@ -149,13 +154,25 @@ def _cells_in_order(cells: IntArray, nodes: NDArray[np.integer], mesh: TetMesh) 
     return place
 
 
+class OnSurface(NamedTuple):
+    """Fields of a result at the vertices of a surface."""
+
+    #: name -> (v,), NaN where there is no value
+    fields: dict[str, NDArray[np.float64]]
+    #: names of those that are labels
+    labels: set[str]
+    #: what was seen, in words
+    told: list[str]
+
+
 def on_surface(
     steps: Iterable[Step], found: SurfaceMap, *, file: Path, mesh_file: Path, depth: Depth | None = None
-) -> tuple[dict[str, NDArray[np.float64]], list[str]]:
-    """All fields of a result at the vertices of the native surface, one number for each, by name; and what was seen.
+) -> OnSurface:
+    """All fields of a result at the vertices of the native surface, one number for each.
 
     A field with several numbers becomes `NAME_1`, `NAME_2` and so on. Of a tensor there are its principal values, its
-    von Mises equivalent and its pressure, too. In a series each name ends in its time.
+    von Mises equivalent and its pressure, too; where the result has such a name already, theirs ends in a number. In a
+    series each name ends in its time, or in the number of the step where two are of one time.
 
     Parameters
     ----------
@@ -168,47 +185,58 @@ def on_surface(
     InputError : the result is of another mesh, or has no field of numbers
     """
     mesh, order, last = found.mesh, None, None
-    fields: dict[str, dict[str, NDArray[Any]]] = {}
+    times: list[float | None] = []
+    done: list[dict[str, NDArray[np.float64]]] = []
+    labels: list[set[str]] = []
     told: dict[str, None] = {}  # an ordered set
-    matrix = found.matrix(depth)
-    if missing := int((np.diff(matrix.indptr) == 0).sum()):
+    weights = found.weights(depth)
+    if missing := int((np.diff(weights.nodes.indptr) == 0).sum()):
         told[f"{missing:,} vertices have no value, NaN: their points are outside the mesh"] = None
     left_out = {*mesh.sets.nodes, *mesh.sets.faces, *mesh.sets.cells}
-    for number, given in enumerate(steps):
+    for given in steps:
         step = _as_it_began(given, mesh)
         if order is None or last is None or not _same_mesh(step.mesh, last):
             order = in_order(step.mesh, mesh, file=file, mesh_file=mesh_file)
             told |= dict.fromkeys(order.told)
         last = step.mesh
-        nodal = {name: values[order.nodes] for name, values in last.point_data.items()}
-        elementwise = {}
+        nodal, by_cell = {name: values[order.nodes] for name, values in last.point_data.items()}, {}
         if order.cells is not None:
             by_cell = {name: values[order.cells] for name, values in last.cell_data.items()}
             # q of the mesh, as its own file has it, is no result
             if Q in by_cell and np.array_equal(by_cell[Q], with_q(mesh).cell_data[Q]):
                 del by_cell[Q]
-            elementwise = {name: applied(found.from_cells, values) for name, values in by_cell.items()}
         elif last.cell_data:
             told |= {"its tetrahedra are not those of the mesh: fields of elements are left out": None}
-        if both := sorted(nodal.keys() & elementwise.keys()):
+        if both := sorted(nodal.keys() & by_cell.keys()):
             told |= {f"{', '.join(both)}: also of elements, left out": None}
+        every = {**by_cell, **nodal}
         there = {
-            name: applied(matrix, values).astype(np.float64)
-            for name, values in {**nodal, **elementwise, **nodal}.items()
+            name: (weights.of_nodes if name in nodal else weights.of_cells)(values).astype(np.float64)
+            for name, values in every.items()
             if name not in left_out and not holds_set(name)
         }
         tensors, lines = _of_tensors(there)
         told |= dict.fromkeys(lines)
-        ending = f"_{number if step.time is None else f'{step.time:.10g}'}"
-        fields[ending] = in_components({**there, **tensors}, {1})
-    if not any(fields.values()):
+        labels.append(set(in_components({name: there[name] for name in there if is_label(every[name])}, {1})))
+        own = in_components(there, {1})
+        times.append(step.time)
+        done.append({name: values.ravel() for name, values in safely_named([*own.items(), *tensors.items()]).items()})
+    if not any(done):
         raise InputError("holds no field of numbers", file=file, remedy="let the solver write one")
-    single = len(fields) == 1
-    return {
-        f"{name}{'' if single else ending}": values[:, 0]
-        for ending, some in fields.items()
-        for name, values in some.items()
-    }, list(told)
+    endings = _endings(times)
+    if len(set(endings)) < len(endings):
+        told["several steps are of one time: names end in the number of the step, from 0"] = None
+        endings = [f"_{number}" for number in range(len(times))]
+    steps_of = list(zip(endings, done, labels, strict=True))
+    fields = {name + ending: values for ending, some, _ in steps_of for name, values in some.items()}
+    return OnSurface(fields, {name + ending for ending, _, some in steps_of for name in some}, list(told))
+
+
+def _endings(times: Sequence[float | None]) -> list[str]:
+    """What the names of the fields of each step end in: nothing for a single one."""
+    if len(times) == 1:
+        return [""]
+    return [f"_{number if time is None else f'{time:.10g}'}" for number, time in enumerate(times)]
 
 
 def _as_it_began(step: Step, mesh: TetMesh) -> Step:

@@ -9,30 +9,30 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
-from scipy.sparse.linalg import lsqr
 
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
 from cortet.formats.hashing import input_sha256
 from cortet.formats.placement import placed
+from cortet.formats.surface_sets import sides
 from cortet.formats.volumes import is_volume
 from cortet.geometry.closest_point import closest_points, surface_tree, tree_of
 from cortet.geometry.containing import containing
-from cortet.geometry.interpolation import at_triangles, is_label
+from cortet.geometry.interpolation import applied, at_triangles, is_label
 from cortet.geometry.nesting import sheets
 from cortet.geometry.topology import edges, packed, sheet, used_vertices, vertex_normals
 from cortet.measure.quality import signed_volumes
-from cortet.meshes import HOLE_SURFACE, FloatArray, IntArray, TetMesh, TriSurface, region_names
+from cortet.meshes import HOLE_SURFACE, REGION, FloatArray, IntArray, TetMesh, TriSurface, region_names
 from cortet.solver_files.meshed import meshed_surface, parameters_of
 from cortet.solver_files.sidecar import changed_since, read_sidecar
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
 #: mm, of all vertices or of each of them (v,)
 Millimetres = float | NDArray[np.float64]
@@ -43,8 +43,16 @@ Depth = Millimetres | tuple[Millimetres, Millimetres]
 _FAR_MM = 5.0
 #: points at which a range of depths is sampled
 _SAMPLES = 10
-#: relative errors at which a fit of values of nodes ends, and its most rounds
-_FIT: Mapping[str, Any] = {"atol": 1e-8, "btol": 1e-8, "iter_lim": 200}
+
+
+class Located(NamedTuple):
+    """Points on or below vertices, each in a tetrahedron."""
+
+    #: (k,) number of the vertex, and of the tetrahedron
+    vertices: NDArray[np.integer]
+    cells: IntArray
+    #: (k, 4) of the corners of the tetrahedron
+    weights: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +65,8 @@ class SurfaceMap:
     mesh: TetMesh
     #: the surface as it was read, mm
     native: TriSurface
-    #: (v, n) from nodes to vertices of the native surface
-    to_surface: csr_array
+    #: the point on the surface of the mesh that is nearest to each vertex with a position
+    nearest: Located
     #: (n, v) from vertices to nodes of the boundary; all other rows have no weights
     from_surface: csr_array
     #: (v, 3) mm, each vertex on the meshed surface, and the normal there, outward; NaN for a vertex without position
@@ -69,15 +77,26 @@ class SurfaceMap:
     #: (v,) mm, from each vertex of the native surface to its place on the meshed surface
     distances: FloatArray
 
+    @property
+    def to_surface(self) -> csr_array:
+        """(v, n) from nodes to vertices of the native surface."""
+        return self.weights().nodes
+
+    def weights(self, depth: Depth | None = None) -> ToSurface:
+        """What brings values of the mesh to the vertices, on the surface or below it, as `at_depth`."""
+        return ToSurface(self, self.nearest if depth is None else self._below(depth))
+
     @cached_property
-    def from_cells(self) -> csr_array:
-        """(n, m) from tetrahedra to nodes: means of those around a node, weighted by volume."""
+    def corners(self) -> tuple[IntArray, csr_array]:
+        """Number of each corner (m, 4) among pairs of a node and a region; (c, m) from tetrahedra to these pairs."""
         cells = self.mesh.cells
+        region = self.mesh.cell_data.get(REGION, np.zeros(len(cells), np.int32)).astype(np.int64)
+        pairs = cells + (region - region.min())[:, None] * len(self.mesh.points)
+        corners = np.unique(pairs, return_inverse=True)[1].astype(np.int32).ravel()
         volumes = np.repeat(signed_volumes(self.mesh.points, cells), 4)
-        columns = np.repeat(np.arange(len(cells)), 4)
-        total = np.bincount(cells.ravel(), volumes, minlength=len(self.mesh.points))
-        shape = (len(self.mesh.points), len(cells))
-        return csr_array((volumes / total[cells.ravel()], (cells.ravel(), columns)), shape=shape)
+        shape = (int(corners.max()) + 1, len(cells))
+        around = _means(corners, np.repeat(np.arange(len(cells)), 4), volumes, shape)
+        return corners.reshape(-1, 4), around
 
     def at_depth(self, depth: Depth) -> csr_array:
         """(v, n) from nodes to the point below each vertex, along the inward normal of the meshed surface.
@@ -92,19 +111,22 @@ class SurfaceMap:
         ------
         InputError : a depth is negative or not finite, or the first of a range is below the last
         """
-        rows, cells, weights = self._below(depth)
-        corners = self.mesh.cells[cells].ravel()
-        return _means(np.repeat(rows, 4), corners, weights.ravel(), (len(self.points), len(self.mesh.points)))
+        return self.weights(depth).nodes
 
     def in_cells(self, depth: Depth) -> csr_array:
         """(v, m) from tetrahedra to vertices: as `at_depth`, without a mean over the tetrahedra around a node."""
-        rows, cells, _ = self._below(depth)
-        return _means(rows, cells, np.ones(len(rows)), (len(self.points), len(self.mesh.cells)))
+        return self.weights(depth).cells
 
-    def _below(self, depth: Depth) -> tuple[NDArray[np.int64], IntArray, FloatArray]:
-        """Points below vertices: vertex and tetrahedron of each (k,), and the weights of its corners (k, 4)."""
+    def _below(self, depth: Depth) -> Located:
+        """Points below vertices; several of each for a range."""
         ends = depth if isinstance(depth, tuple) else (depth, depth)
-        first, last = (np.broadcast_to(np.asarray(end, float), len(self.points)) for end in ends)
+        try:
+            first, last = (np.broadcast_to(np.asarray(end, float), len(self.points)) for end in ends)
+        except (TypeError, ValueError) as error:
+            raise InputError(
+                f"a depth is no number, and not one for each of {len(self.points):,} vertices: {error}",
+                remedy="give mm, one or (v,), or the two ends of a range",
+            ) from error
         unknown = any(np.isnan(end) for end in ends if np.ndim(end) == 0)
         if unknown or np.any((first < 0) | (last < first) | np.isinf(first + last)):
             raise InputError(f"{depth} is no depth", remedy="give mm from 0 on, the smaller one of a range first")
@@ -115,53 +137,20 @@ class SurfaceMap:
             below = (first + (last - first) * step)[known, None]
             cells, own = containing(self.mesh, self.points[known] - below * self.normals[known])
             found.append((known[cells >= 0], cells[cells >= 0], own[cells >= 0]))
-        rows, cells, weights = (np.concatenate(some) for some in zip(*found, strict=True))
-        return rows, cells, weights
-
-    def matrix(self, depth: Depth | None) -> csr_array:
-        """(v, n) from nodes to vertices, on the surface or below it."""
-        return self.to_surface if depth is None else self.at_depth(depth)
+        return Located(*(np.concatenate(some) for some in zip(*found, strict=True)))
 
     def on_surface(self, values: NDArray[Any], depth: Depth | None = None) -> NDArray[Any]:
-        """Values of the mesh at the vertices of the native surface: (v,) or (v, k), as `Mesh.to_surface`."""
-        return applied(self.matrix(depth), self.at_nodes(values))
-
-    def fitted(self, values: NDArray[Any]) -> FloatArray:
-        """Values of the native surface, (v,) or (v, k), at the nodes: those that `on_surface` brings back best.
-
-        Least squares fit what no linear function explains, from the interpolated values on. Linear functions stay
-        exact. Values that are not finite do not count. A node is NaN where interpolation has no value.
+        """Values of the mesh at the vertices of the native surface: (v,) or (v, k), as `Mesh.to_surface`.
 
         Raises
         ------
-        InputError : the values are labels
+        InputError : there is one value for neither each node nor each tetrahedron; or as `at_depth`
         """
-        if is_label(values):
-            raise InputError("integers are labels, which nothing fits", remedy="give numbers, or do without fit")
-        columns = values.reshape(len(values), -1).astype(np.float64)
-        there, nodes = (np.column_stack([places, np.ones(len(places))]) for places in (self.points, self.mesh.points))
-        found = np.empty((len(nodes), columns.shape[1]))
-        for place, column in enumerate(columns.T):
-            known = np.isfinite(there).all(axis=1) & np.isfinite(column)
-            linear = np.linalg.lstsq(there[known], column[known])[0]
-            rest = np.where(known, column - there @ linear, np.nan)
-            first = applied(self.from_surface, rest)
-            begin = np.nan_to_num(first)
-            change = lsqr(self.to_surface[known], rest[known], x0=begin, **_FIT)[0] - begin
-            found[:, place] = first + change + nodes @ linear
-        return found.reshape(len(nodes), *values.shape[1:])
-
-    def at_nodes(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Values of nodes as they are, those of tetrahedra as means of those around each node.
-
-        Raises
-        ------
-        InputError : there is one value for neither each node nor each tetrahedron
-        """
+        weights = self.weights(depth)
         if len(values) == len(self.mesh.points):
-            return values
+            return weights.of_nodes(values)
         if len(values) == len(self.mesh.cells):
-            return applied(self.from_cells, values)
+            return weights.of_cells(values)
         raise InputError(
             f"{len(values):,} values for a mesh of {len(self.mesh.points):,} nodes and {len(self.mesh.cells):,} "
             "tetrahedra",
@@ -169,23 +158,43 @@ class SurfaceMap:
         )
 
 
-def applied(matrix: csr_array, values: NDArray[Any]) -> NDArray[Any]:
-    """Weighted means of values (c,) or (c, k) in each row of a matrix (r, c); labels are those of the largest weight.
+@dataclass(frozen=True, eq=False)
+class ToSurface:
+    """Weights with which values of a mesh come to the vertices of a native surface."""
 
-    Rows without weights are NaN, among labels as well, which are then float64.
-    """
-    empty = np.diff(matrix.indptr) == 0
-    if is_label(values):
-        rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
-        order = np.lexsort((matrix.data, rows))
-        largest = np.zeros(matrix.shape[0], np.int64)
-        largest[rows[order]] = matrix.indices[order]  # the last of a row stays
-        made: NDArray[Any] = values[largest].astype(np.float64 if empty.any() else values.dtype)
-    else:
-        made = np.asarray(matrix @ values.astype(np.float64))
-    if empty.any():
-        made[empty] = np.nan
-    return made
+    found: SurfaceMap
+    there: Located
+
+    @cached_property
+    def nodes(self) -> csr_array:
+        """(v, n) from nodes: interpolated in the tetrahedron that holds the point."""
+        return self._of_corners(self.found.mesh.cells, len(self.found.mesh.points))
+
+    @cached_property
+    def means(self) -> csr_array:
+        """(v, m) from tetrahedra: interpolated between means of those around each corner that are of its region."""
+        corners, around = self.found.corners
+        return self._of_corners(corners, around.shape[0]) @ around
+
+    @cached_property
+    def cells(self) -> csr_array:
+        """(v, m) from tetrahedra: the value of the one that holds the point."""
+        cells = self.there.cells
+        shape = (len(self.found.points), len(self.found.mesh.cells))
+        return _means(self.there.vertices, cells, np.ones(len(cells)), shape)
+
+    def of_nodes(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Values (n,) or (n, k) of nodes at the vertices."""
+        return applied(self.nodes, values)
+
+    def of_cells(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Values (m,) or (m, k) of tetrahedra at the vertices: numbers by `means`, labels by `cells`."""
+        return applied(self.cells if is_label(values) else self.means, values)
+
+    def _of_corners(self, corners: IntArray, count: int) -> csr_array:
+        """(v, count) from values at the corners of tetrahedra, which `corners` (m, 4) numbers."""
+        rows, columns = np.repeat(self.there.vertices, 4), corners[self.there.cells].ravel()
+        return _means(rows, columns, self.there.weights.ravel(), (len(self.found.points), count))
 
 
 def surface_map(
@@ -220,18 +229,17 @@ def surface_map(
     normals[others] = normal / np.linalg.norm(normal, axis=1, keepdims=True).clip(1e-12)
     known = np.flatnonzero(kept | finite)
     down = closest_points(tree_of(boundary), points[known])
-    to_surface = _of_triangles(
-        known, nodes[boundary.faces[down.faces]], down.barycentric, (len(native.points), len(mesh.points))
-    )
+    nearest = _in_tetrahedra(mesh, known, nodes[boundary.faces[down.faces]], down.barycentric)
     up = closest_points(tree_of(meshed), boundary.points)
     corners, weights = meshed.faces[up.faces].copy(), up.barycentric.copy()
     if len(far := np.flatnonzero(~shared[up.faces])):
         faces = native.faces[finite[native.faces].all(axis=1)]
         closest = closest_points(surface_tree(native.points, faces), boundary.points[far])
         corners[far], weights[far] = faces[closest.faces], closest.barycentric
-    from_surface = _of_triangles(nodes, corners, weights, (len(mesh.points), len(native.points)))
+    shape = (len(mesh.points), len(native.points))
+    from_surface = _means(np.repeat(nodes, 3), corners.ravel(), weights.ravel(), shape)
     distances = np.linalg.norm(points - native.points, axis=1)
-    return SurfaceMap(mesh, native, to_surface, from_surface, points, normals, kept, distances)
+    return SurfaceMap(mesh, native, nearest, from_surface, points, normals, kept, distances)
 
 
 def map_of_file(path: Path, mesh: TetMesh, surface: Path | None = None) -> tuple[SurfaceMap, Path, str]:
@@ -343,25 +351,21 @@ def _same(native: TriSurface, meshed: TriSurface) -> tuple[NDArray[np.bool_], ND
     return kept, shared
 
 
+def _in_tetrahedra(mesh: TetMesh, vertices: NDArray[np.integer], faces: IntArray, weights: FloatArray) -> Located:
+    """Points of vertices (k,) in faces (k, 3) by weights (k, 3), in the tetrahedron that a face is seen outside of."""
+    cells, _ = sides(mesh, faces)
+    same = mesh.cells[cells][:, :, None] == faces[:, None, :]
+    return Located(vertices, cells, (same * weights[:, None, :]).sum(axis=2))
+
+
 def _means(
     rows: NDArray[np.integer], columns: NDArray[np.integer], weights: FloatArray, shape: tuple[int, int]
 ) -> csr_array:
-    """A matrix of given weights (k,), divided by their sum in each row."""
+    """A matrix of given weights (k,), divided by their sum in each row.
+
+    It has no zeros among its entries, so that a value that is not finite counts only where it has a share.
+    """
     total = np.bincount(rows, weights, minlength=shape[0])
-    return _matrix(weights / total[rows], rows, columns, shape)
-
-
-def _of_triangles(
-    rows: NDArray[np.integer], corners: IntArray, weights: FloatArray, shape: tuple[int, int]
-) -> csr_array:
-    """A matrix whose given rows hold the weights (k, 3) of corners (k, 3)."""
-    return _matrix(weights.ravel(), np.repeat(rows, 3), corners.ravel(), shape)
-
-
-def _matrix(
-    weights: FloatArray, rows: NDArray[np.integer], columns: NDArray[np.integer], shape: Sequence[int]
-) -> csr_array:
-    """A matrix without zeros among its entries, so that a value that is not finite counts only where it has a share."""
-    made = csr_array((weights, (rows, columns)), shape=tuple(shape))
+    made = csr_array((weights / total[rows], (rows, columns)), shape=shape)
     made.eliminate_zeros()
     return made

@@ -114,6 +114,7 @@ def resample(
         is not a sphere
     """
     from cortet.geometry import spheres
+    from cortet.geometry.interpolation import applied
 
     if inside and not spheres.same_triangles(sphere, surface):
         return surface, _report(surface, surface, resampled=False)
@@ -126,7 +127,7 @@ def resample(
     if surface.point_data:
         areas = spheres.vertex_areas(surface), spheres.vertex_areas(made)
         gathered = spheres.area_corrected(old, new, *areas)
-        fields = {name: spheres.carried(gathered, values) for name, values in surface.point_data.items()}
+        fields = {name: applied(gathered, values) for name, values in surface.point_data.items()}
         made = replace(made, point_data=fields)
     report = _report(surface, made, resampled=True)
     logger.info(

@@ -8,7 +8,7 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import meshio
@@ -24,6 +24,7 @@ from cortet.cli import main
 from cortet.formats import braingrowth, vtu
 from cortet.formats.gifti import read_surface, write_fields, write_surface
 from cortet.meshes import TetMesh, TriSurface
+from cortet.solver_files.common_sphere import Parcels
 from cortet.solver_files.results import invariants
 
 RADIUS = 14.0
@@ -132,54 +133,26 @@ def test_depth_is_one_or_a_range(mesh: TetMesh, capsys: pytest.CaptureFixture[st
     assert np.isnan(arrays("r.func.gii")["T"]).all()
 
 
-def series(mesh: TetMesh, path: str) -> None:
+def series(mesh: TetMesh, path: str, times: Sequence[float] = (0.5, 1.0)) -> None:
     with meshio.xdmf.TimeSeriesWriter(path) as writer:
         writer.write_points_cells(mesh.points, [("tetra", mesh.cells)])
-        for time in (0.5, 1.0):
-            values = time * mesh.points[:, 2]
-            writer.write_data(time, point_data={"T": values}, cell_data={"e": [np.full(len(mesh.cells), time)]})
+        for number, time in enumerate(times, start=1):
+            values = number / 2 * mesh.points[:, 2]
+            writer.write_data(time, point_data={"T": values}, cell_data={"e": [np.full(len(mesh.cells), number / 2)]})
 
 
-def collection(mesh: TetMesh, path: str) -> None:
+def collection(mesh: TetMesh, path: str, times: Sequence[float] = (0.5, 1.0)) -> None:
     entries = []
-    for time in (0.5, 1.0):
+    for number, time in enumerate(times, start=1):
         made = grid(mesh.points, mesh.cells)
-        made.point_data["T"], made.cell_data["e"] = time * mesh.points[:, 2], np.full(len(mesh.cells), time)
-        made.save(f"step{time}.vtu")
-        entries.append(f'<DataSet timestep="{time}" file="step{time}.vtu"/>')
+        made.point_data["T"], made.cell_data["e"] = number / 2 * mesh.points[:, 2], np.full(len(mesh.cells), number / 2)
+        made.save(f"step{number}.vtu")
+        entries.append(f'<DataSet timestep="{time!r}" file="step{number}.vtu"/>')
     text = "".join(entries)
     Path(path).write_text(f'<VTKFile type="Collection" version="0.1"><Collection>{text}</Collection></VTKFile>')
 
 
-def exodus(mesh: TetMesh, path: str) -> None:
-    """As MOOSE writes it."""
-    sizes = {"num_nodes": len(mesh.points), "num_elem": len(mesh.cells), "num_el_in_blk1": len(mesh.cells)}
-    fixed = {"num_dim": 3, "num_el_blk": 1, "len_string": 33, "num_nod_per_el1": 4, "num_nod_var": 1, "num_elem_var": 1}
-    with pytest.importorskip("netCDF4").Dataset(path, "w", format="NETCDF3_64BIT_OFFSET") as file:
-        file.setncatts({"title": "", "version": np.float32(5.1), "api_version": np.float32(5.1)})
-        file.setncatts({"floating_point_word_size": np.int32(8), "file_size": np.int32(1)})
-        for name, size in {**sizes, **fixed, "time_step": None}.items():
-            file.createDimension(name, size)
-        file.createVariable("time_whole", "f8", ("time_step",))[:] = [0.5, 1.0]
-        for axis, values in zip("xyz", mesh.points.T, strict=True):
-            file.createVariable(f"coord{axis}", "f8", ("num_nodes",))[:] = values
-        file.createVariable("eb_status", "i4", ("num_el_blk",))[:] = 1
-        block = file.createVariable("eb_prop1", "i4", ("num_el_blk",))
-        block.setncattr("name", "ID")
-        block[:] = 1
-        cells = file.createVariable("connect1", "i4", ("num_el_in_blk1", "num_nod_per_el1"))
-        cells.elem_type = "TETRA"
-        cells[:] = mesh.cells + 1
-        fields = (("nod", "T", "vals_nod_var1", "num_nodes"), ("elem", "e", "vals_elem_var1eb1", "num_el_in_blk1"))
-        for kind, name, values, of in fields:
-            named = file.createVariable(f"name_{kind}_var", "S1", (f"num_{kind}_var", "len_string"))
-            named[0, :] = np.array(list(name.ljust(33, "\0")), "S1")
-            written = file.createVariable(values, "f8", ("time_step", of))
-            for step, time in enumerate((0.5, 1.0)):
-                written[step, :] = time * mesh.points[:, 2] if kind == "nod" else time
-
-
-@pytest.mark.parametrize(("name", "make"), [("r.xdmf", series), ("r.pvd", collection), ("r.e", exodus)])
+@pytest.mark.parametrize(("name", "make"), [("r.xdmf", series), ("r.pvd", collection)])
 def test_a_series_has_an_array_for_each_time(
     mesh: TetMesh, folder: Path, name: str, make: Callable[[TetMesh, str], None]
 ) -> None:
@@ -192,7 +165,40 @@ def test_a_series_has_an_array_for_each_time(
     assert np.abs(found["T_1"] - surface[:, 2]).max() < 1.0
 
 
-@pytest.mark.parametrize("name", ["r.vtk", "r.xdmf", "r.e", "r.msh", "r.med"])
+@pytest.mark.parametrize(
+    ("name", "make", "times"),
+    [
+        ("r.xdmf", series, (0.0, 1.0, 1.0, 2.0)),
+        ("r.xdmf", series, (1.0, 1 + 1e-11)),
+        ("r.pvd", collection, (1.0, 1 + 1e-11)),
+    ],
+)
+def test_steps_of_one_time_are_all_there(
+    mesh: TetMesh,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    make: Callable[[TetMesh, str, Sequence[float]], None],
+    times: Sequence[float],
+) -> None:
+    make(mesh, name, times)
+    assert project(name, "--mesh", "x.vtu", "-o", "r.func.gii") == 0
+    assert "names end in the number of the step" in capsys.readouterr().out
+    found = arrays("r.func.gii")
+    assert [found[f"e_{number}"][0] for number in range(len(times))] == pytest.approx(np.arange(1, len(times) + 1) / 2)
+
+
+def test_two_files_of_one_time_are_refused(mesh: TetMesh) -> None:
+    collection(mesh, "r.pvd", (1.0, 1.0))
+    assert project("r.pvd", "--mesh", "x.vtu", "-o", "r.func.gii") == 1
+
+
+def test_exodus_is_refused_with_what_to_do(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("r.e").write_bytes(b"CDF\1")
+    assert project("r.e", "--mesh", "x.vtu", "-o", "r.func.gii") == 1
+    assert re.search("r.e: .*Exodus.*ParaView", capsys.readouterr().err)
+
+
+@pytest.mark.parametrize("name", ["r.vtk", "r.xdmf", "r.msh", "r.med"])
 def test_what_meshio_writes_is_read(mesh: TetMesh, folder: Path, name: str) -> None:
     made = meshio.Mesh(mesh.points, [("tetra", mesh.cells)], {"T": mesh.points[:, 2].copy()})
     made.write(name, **({"file_format": "gmsh"} if name == "r.msh" else {}))
@@ -358,6 +364,7 @@ def test_invariants_are_those_of_the_textbook() -> None:
 def test_tensors_are_known_by_their_numbers(mesh: TetMesh, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     made = grid(mesh.points, mesh.cells)
     made.point_data["s"] = np.tile([1.0, 2, 3, 4, 5, 6], (len(mesh.points), 1))
+    made.point_data["s_pressure"] = np.full(len(mesh.points), 7.0)
     made.point_data["F"] = np.tile(np.arange(9.0), (len(mesh.points), 1))
     made.save("r.vtu")
     assert project("r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii") == 0
@@ -365,6 +372,7 @@ def test_tensors_are_known_by_their_numbers(mesh: TetMesh, folder: Path, capsys:
     assert "s is read as xx, yy, zz, xy, yz, xz" in said and "F is not symmetric" in said
     assert found["s_principal_1"][0] == pytest.approx(np.linalg.eigvalsh([[1, 4, 6], [4, 2, 5], [6, 5, 3]])[2])
     assert "F_9" in found and "F_pressure" not in found
+    assert found["s_pressure"] == pytest.approx(7) and found["s_pressure_2"] == pytest.approx(-2)
 
 
 def test_a_node_that_does_not_exist_and_a_reader_that_breaks_down_are_refused(
@@ -432,7 +440,7 @@ def test_parcels_have_their_means_in_a_table(folder: Path, mesh: TetMesh) -> Non
     write_fields({"half": (surface.points[:, 2] > 0).astype(np.int32)}, "p.label.gii")
     assert main(["project", "r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii", "--parcels", "p.label.gii"]) == 0
     rows = [line.split("\t") for line in Path("r.parcels.tsv").read_text().splitlines()]
-    assert rows[0] == ["parcel", "field", "mean"]
+    assert rows[0] == ["parcel", "field", "value"]
     means = {(parcel, name): float(mean) for parcel, name, mean in rows[1:]}
     # the mean height of half a sphere is half its radius
     assert (means["1", "T"], means["0", "T"]) == pytest.approx((RADIUS / 2, -RADIUS / 2), rel=0.12)
@@ -451,6 +459,29 @@ def test_the_result_goes_to_a_common_sphere(folder: Path, mesh: TetMesh, capsys:
     assert main([*command, "t.surf.gii", "--template-sphere", "own.surf.gii", "--force"]) == 1
     assert "are not those of the surface" in capsys.readouterr().err
     assert main([*command, "own.surf.gii", "--force"]) == 1
+
+
+def test_labels_stay_labels_on_every_way(folder: Path, mesh: TetMesh) -> None:
+    made = grid(mesh.points, mesh.cells)
+    made.point_data["of_nodes"] = np.where(mesh.points[:, 2] > 0, 9, 2)
+    made.cell_data["of_cells"] = np.where(mesh.points[mesh.cells].mean(axis=1)[:, 2] > 0, 9, 2)
+    made.save("r.vtu")
+    write_surface(ball_surface(3, 100.0), "own.surf.gii")
+    write_surface(ball_surface(2, 97.0), "t.surf.gii")
+    write_fields({"parcel": (shapes_of(folder).points[:, 0] > 0).astype(np.int32)}, "p.label.gii")
+    ways = ["--parcels", "p.label.gii", "--sphere", "own.surf.gii", "--template-sphere", "t.surf.gii"]
+    for depth in ([], ["--depth", "1:3"], ["--depth", f"{RADIUS - 1}:{RADIUS + 9}"]):
+        assert project("r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii", *ways, *depth, "--force") == 0
+        for values in arrays("r.func.gii").values():
+            assert len(values) == 162 and set(values[np.isfinite(values)].tolist()) == {2, 9}
+        rows = [line.split("\t") for line in Path("r.parcels.tsv").read_text().splitlines()]
+        assert {value for _, _, value in rows[1:]} <= {"2", "9"}
+
+
+def test_parcels_of_one_name_are_one_parcel() -> None:
+    parcels = Parcels(np.array([1, 2, 3, 3]), {1: "insula", 2: "insula"}, np.array([1.0, 3.0, 1.0, 1.0]))
+    assert parcels.means(np.array([4.0, 8.0, 5.0, np.nan])) == {"3": 5.0, "insula": 7.0}
+    assert parcels.labels(np.array([4, 8, 5, 5])) == {"3": 5, "insula": 8}
 
 
 @pytest.mark.parametrize("option", ["--parcels", "--sphere", "--template-sphere", "--surface"])

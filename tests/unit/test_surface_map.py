@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 from cubes import cube_mesh
+from scipy.sparse import csr_array
 from shapes import ball_mesh, ball_surface
 
 import cortet
 from cortet.errors import InputError
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.containing import containing
+from cortet.geometry.interpolation import applied
 from cortet.geometry.topology import boundary_nodes, boundary_surface
 from cortet.meshes import MeshSets, TetMesh, TriSurface, single_precision
 from cortet.phantoms import phantom_with_sphere
@@ -58,48 +60,16 @@ def test_there_and_back_changes_little(made: cortet.Mesh, ball: TriSurface) -> N
     assert made.to_surface(made.from_surface(np.ones(len(ball.points)))) == pytest.approx(1, abs=1e-12)
 
 
-def test_a_fit_comes_back_closer_and_keeps_linear_functions(made: cortet.Mesh, ball: TriSurface) -> None:
-    """Interpolation on faces inside a sphere errs to one side, by about l (l + 1) a^2 / (16 r^2) for degree l."""
-    x, _, z = ball.points.T / RADIUS
-    smooth = np.column_stack([35 * z**4 - 30 * z**2 + 3, x**3 - 3 * x * z**2])  # harmonics of degree 4 and 3
-    interpolated, fitted = (made.from_surface(smooth, fit=fit) for fit in (False, True))
-    assert fitted.shape == (len(made.points), 2)
-    assert np.array_equal(np.isnan(fitted), np.isnan(interpolated))
-    errors = [np.sqrt(((made.to_surface(found) - smooth) ** 2).mean(axis=0)) for found in (interpolated, fitted)]
-    assert (errors[1] < 0.55 * errors[0]).all()
-    nodes = boundary_nodes(made.mesh)
-    assert np.abs(made.from_surface(ball.points, fit=True)[nodes] - made.points[nodes]).max() < EXACT
-    linear = made.from_surface(ball.points @ [1, 2, 3] + 4, fit=True)[nodes]
-    assert np.abs(linear - (made.points[nodes] @ [1, 2, 3] + 4)).max() < EXACT
-
-
-def test_a_fit_ignores_unknown_values_and_refuses_labels(made: cortet.Mesh, ball: TriSurface) -> None:
-    heights = ball.points[:, 2].copy()
-    heights[0] = np.nan
-    nodes = boundary_nodes(made.mesh)
-    found, expected = made.from_surface(heights, fit=True)[nodes], made.points[nodes, 2]
-    known = np.isfinite(made.from_surface(heights)[nodes])
-    assert not known.all() and np.array_equal(np.isfinite(found), known)
-    assert np.abs(found - expected)[known].max() < EXACT
-    unknown = np.full(len(heights), np.nan)
-    assert np.isnan(made.from_surface(unknown, fit=True)).all()
-    beside = made.from_surface(np.column_stack([heights, unknown]), fit=True)
-    assert np.array_equal(beside[nodes, 0], found, equal_nan=True) and np.isnan(beside[:, 1]).all()
-    heights[0] = np.inf
-    assert np.array_equal(made.from_surface(heights, fit=True)[nodes], found, equal_nan=True)
-    with pytest.raises(InputError, match="integers are labels, which nothing fits"):
-        made.from_surface(np.arange(len(heights)), fit=True)
-
-
-def test_values_of_elements_go_through_nodes_by_volume(made: cortet.Mesh, ball: TriSurface) -> None:
+def test_values_of_elements_are_averaged_by_volume(made: cortet.Mesh, ball: TriSurface) -> None:
     assert made.to_surface(np.full((len(made.cells), 2), 3.0)) == pytest.approx(np.full((len(ball.points), 2), 3.0))
     heights = made.points[made.cells].mean(axis=1)[:, 2]
     assert np.abs(made.to_surface(heights) - ball.points[:, 2]).mean() < 1.5
     mesh = cube_mesh(1)
-    found = surface_map(mesh, boundary_surface(mesh)[0], boundary_surface(mesh)[0]).from_cells.toarray()
+    corners, found = surface_map(mesh, boundary_surface(mesh)[0], boundary_surface(mesh)[0]).corners
+    assert np.array_equal(corners, mesh.cells)  # a single region
     around = (mesh.cells == 0).any(axis=1)
     volumes = np.abs(np.linalg.det(np.diff(mesh.points[mesh.cells], axis=1))) * around
-    assert found[0] == pytest.approx(volumes / volumes.sum())
+    assert found.toarray()[0] == pytest.approx(volumes / volumes.sum())
 
 
 def test_labels_are_never_averaged(made: cortet.Mesh) -> None:
@@ -108,6 +78,36 @@ def test_labels_are_never_averaged(made: cortet.Mesh) -> None:
     assert found.dtype == np.int32 and set(found.tolist()) == {2, 7}
     inside = made.from_surface(np.full(len(found), 5, np.int32))
     assert np.isnan(inside).any() and set(inside[~np.isnan(inside)]) == {5}
+    of_cells = np.where(made.points[made.cells].mean(axis=1)[:, 0] > 0, 7, 2)
+    for depth in (None, 1.0, (0.0, 4.0)):
+        assert set(made.to_surface(of_cells, depth=depth).tolist()) == {2, 7}
+
+
+def test_the_label_with_the_most_weight_is_taken() -> None:
+    """Not that of the largest weight; the smallest in a tie."""
+    matrix = csr_array([[0.4, 0.3, 0.3], [0.5, 0.5, 0.0], [0.0, 0.0, 0.0]])
+    labels = np.array([9, 2, 2])
+    assert np.array_equal(applied(matrix, labels), [2, 2, np.nan], equal_nan=True)
+    known = np.array([9.0, np.nan, np.nan])
+    assert np.array_equal(applied(matrix[:2], known, labels=True), [np.nan, 9], equal_nan=True)
+
+
+def test_values_of_a_region_are_averaged_within_it(ball: TriSurface) -> None:
+    inner = single_precision(ball_surface(3, 12.0))
+    made = cortet.mesh(ball, cell_size=3.0, inner={"white": inner}, settings=UNSMOOTHED, progress=False)
+    values = np.where(made.mesh.cell_data["region"] == 1, 100.0, -100.0)
+    for depth in (None, 0.5, (0.5, 1.5)):
+        assert made.to_surface(values, depth=depth) == pytest.approx(100)
+    assert made.to_surface(values, region="white") == pytest.approx(-100)
+    assert np.abs(made.to_surface(values, depth=(0.0, 4.0))).mean() < 15  # half of it lies in each
+
+
+def test_masked_values_are_unknown(made: cortet.Mesh) -> None:
+    hidden = np.ma.masked_invalid(np.where(made.points[:, 0] > 0, np.nan, 1.0))
+    found = made.to_surface(hidden)
+    assert np.isnan(found).any() and found[np.isfinite(found)] == pytest.approx(1)
+    with pytest.raises(InputError, match="masked"):
+        made.to_surface(np.ma.masked_equal(np.arange(len(made.points)), 3))
 
 
 def test_depth_is_below_the_surface(made: cortet.Mesh, ball: TriSurface) -> None:
@@ -124,9 +124,9 @@ def test_depth_is_below_the_surface(made: cortet.Mesh, ball: TriSurface) -> None
     assert np.nanmax(np.linalg.norm(partly, axis=1)) < RADIUS and not np.isnan(partly).all()
 
 
-@pytest.mark.parametrize("depth", [-1.0, np.nan, np.inf, (3.0, 1.0)])
-def test_what_is_no_depth_is_refused(made: cortet.Mesh, depth: float | tuple[float, float]) -> None:
-    with pytest.raises(InputError, match="is no depth"):
+@pytest.mark.parametrize("depth", [-1.0, np.nan, np.inf, (3.0, 1.0), np.ones(7), (0.0, np.ones(7)), (1, 2, 3), "deep"])
+def test_what_is_no_depth_is_refused(made: cortet.Mesh, depth: Any) -> None:
+    with pytest.raises(InputError, match="depth"):
         made.to_surface(made.points, depth=depth)
 
 
