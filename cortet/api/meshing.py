@@ -35,6 +35,7 @@ from cortet.formats.set_arrays import with_sets
 from cortet.formats.tables import names
 from cortet.formats.tags import regions
 from cortet.formats.volumes import Volume
+from cortet.geometry.interpolation import applied
 from cortet.geometry.limits import SCAN_AGES, SHELL_MM, require_within
 from cortet.geometry.nesting import nested, sheets
 from cortet.measure.certify import Certificate, with_remarks
@@ -46,7 +47,7 @@ from cortet.solver_files.earlier import read_today
 from cortet.solver_files.fields import with_fields, with_q
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
 from cortet.solver_files.meshed import Origin
-from cortet.solver_files.surface_map import SurfaceMap, applied, surface_map
+from cortet.solver_files.surface_map import SurfaceMap, surface_map
 from cortet.solver_files.volumes import (
     TISSUE_COLUMNS,
     Background,
@@ -153,11 +154,12 @@ class Mesh:
         """Values of the mesh at the vertices of the surface that was given: (v,) or (v, k).
 
         A vertex gets the value at the nearest point of the boundary, where the vertex went as the surface was smoothed.
-        Numbers are interpolated; integers are labels, and come from the nearest node.
+        Numbers are interpolated; of integers, which are labels, the one with the most weight is taken.
 
         Parameters
         ----------
-        values : (n,) or (n, k) of nodes, or (m,) or (m, k) of tetrahedra, whose means, weighted by volume, nodes get
+        values : (n,) or (n, k) of nodes, or (m,) or (m, k) of tetrahedra, which are averaged around the corners of the
+            tetrahedron that holds the point, within its region; masked numbers are NaN
         depth : mm below each vertex, along the inward normal of the meshed surface, or the ends of a range, whose mean
             is taken; NaN for a vertex with no such point in the mesh
         region : inside which surface, by name; None: the outermost one that was given
@@ -169,20 +171,19 @@ class Mesh:
         return self.surface_map(region).on_surface(values_of(values), depth)
 
     @short_traceback
-    def from_surface(self, values: ArrayLike, *, fit: bool = False, region: str | None = None) -> NDArray[Any]:
+    def from_surface(self, values: ArrayLike, *, region: str | None = None) -> NDArray[Any]:
         """Values of the given surface, (v,) or (v, k), at the nodes: (n,) or (n, k), NaN inside.
+
+        A node of the boundary gets the value of the surface where it lies.
 
         Parameters
         ----------
         values : numbers; integers are labels, which are never averaged
-        fit : False: a node of the boundary gets the value of the surface where it lies. True: nodes get the values from
-            which `to_surface` brings `values` back best, by least squares; they may exceed the largest value. Both are
-            exact for linear functions of x, y and z.
         region : inside which surface, as in `to_surface`
 
         Raises
         ------
-        InputError : there is another number of values, or no numbers, no such surface, or labels are to be fitted
+        InputError : there is another number of values, or no numbers, or no such surface
         """
         found, given = self.surface_map(region), values_of(values)
         if len(given) != found.from_surface.shape[1]:
@@ -190,7 +191,7 @@ class Mesh:
                 f"{len(given):,} values for a surface of {found.from_surface.shape[1]:,} vertices",
                 remedy="give one for each vertex of the surface as it was given",
             )
-        return found.fitted(given) if fit else applied(found.from_surface, given)
+        return applied(found.from_surface, given)
 
     def surface_map(self, region: str | None = None) -> SurfaceMap:
         """How the nodes and the vertices of a given surface belong together, as sparse matrices.
