@@ -21,6 +21,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from cortet.cohort.ages import number
 from cortet.errors import InputError
 from cortet.folding.measures import MEASURES, USUAL
 from cortet.formats.atomic import atomic_path, write_json
@@ -49,6 +50,8 @@ COLUMNS = (
     Column("measure", "What was measured", levels={name: what for name, (what, _) in MEASURES.items()}),
     Column("value", "Mean over the area of the folded parcel, in the unit of the measure"),
 )
+#: cells that hold no value, in lower case
+_UNKNOWN = {"", MISSING, "na", "nan", "null", "-", ".", "?"}
 #: differences of values below this share of the largest value are rounding: files hold float32
 _ROUNDING = 1e-6
 #: p from which on the figure is grey, and the number of colours of p
@@ -122,7 +125,8 @@ def design_of(rows: Sequence[Mapping[str, Any]], model: Sequence[str], *, of: st
 
     Raises
     ------
-    InputError : a column is missing, has no value for a fold, or does not differ; or the folds are too few
+    InputError : a column is missing, has no value for a fold, holds numbers and words, or does not differ; or the folds
+        are too few
     """
     remedy, begin = "mend biomarkers.model, or the column in the cohort sheet", f"{of}: " if of else ""
     if VARIANT in model and len(model) > 1:
@@ -133,9 +137,16 @@ def design_of(rows: Sequence[Mapping[str, Any]], model: Sequence[str], *, of: st
     names, columns = [], []
     for name in model:
         values = [str(row.get(name, MISSING)) for row in rows]
-        if empty := [row["case"] for row, value in zip(rows, values, strict=True) if value in ("", MISSING, "None")]:
+        named = [(str(row["case"]), value) for row, value in zip(rows, values, strict=True)]
+        if empty := [case for case, value in named if value.lower() in _UNKNOWN or value == "None"]:
             raise InputError(f"{begin}biomarkers.model: {', '.join(empty)} without a value of {name}", remedy=remedy)
-        found = _indicators(values, first=USUAL if name == VARIANT else None)
+        words = [f"{case} has {value!r}" for case, value in named if name == VARIANT or number(value) is None]
+        if 0 < len(words) < len(values):
+            raise InputError(
+                f"{begin}biomarkers.model: {name} is a number, but {', '.join(words)}",
+                remedy="give each case a number or leave it out; for groups, give words alone",
+            )
+        found = _indicators(values, first=USUAL if name == VARIANT else None, words=bool(words))
         if not found:
             raise InputError(f"{begin}biomarkers.model: {name} is {values[0]} in all folds", remedy=remedy)
         names += [name if level is None else f"{name}[{level}]" for level in found]
@@ -152,15 +163,12 @@ def design_of(rows: Sequence[Mapping[str, Any]], model: Sequence[str], *, of: st
     return made
 
 
-def _indicators(values: Sequence[str], *, first: str | None = None, words: bool = False) -> dict[str | None, Any]:
+def _indicators(values: Sequence[str], *, first: str | None = None, words: bool) -> dict[str | None, Any]:
     """Numbers less their mean, under None; of words an indicator of each but the first; empty if all are the same."""
     if len(set(values)) < 2:
         return {}
-    try:
-        numbers = np.array([float("nan") if words else float(value) for value in values])
-    except ValueError:
-        numbers = np.array([np.nan])
-    if np.isfinite(numbers).all():
+    if not words:
+        numbers = np.array(values, float)
         return {None: numbers - numbers.mean()}
     levels = sorted(set(values))
     levels.remove(levels[0] if first is None else first)
@@ -184,12 +192,12 @@ def effects(
     known = np.isfinite(values).all(axis=0)
     known &= np.ptp(values, axis=0) > _ROUNDING * np.abs(values[:, known]).max(initial=0)
     found = {}
-    for number, name in enumerate(design.names):
+    for column, name in enumerate(design.names):
         t, p = np.full(values.shape[1], np.nan), np.full(values.shape[1], np.nan)
-        others = np.column_stack([np.delete(design.tested, number, axis=1), design.held])
+        others = np.column_stack([np.delete(design.tested, column, axis=1), design.held])
         if known.any():
             result = permuted_ols(
-                design.tested[:, [number]],
+                design.tested[:, [column]],
                 values[:, known],
                 others if others.shape[1] else None,
                 n_perm=permutations,
@@ -264,7 +272,7 @@ def run_name(run: Mapping[str, Any]) -> str:
 def _write_palm(design: Design, matrix: Path, contrasts: Path) -> None:
     """The design in the format of FSL, which PALM reads beside the stacks: tested columns, held ones, the mean."""
     every = np.column_stack([design.tested, design.held, np.ones(len(design.tested))])
-    names = "".join(f"/ContrastName{number}\t{name}\n" for number, name in enumerate(design.names, start=1))
+    names = "".join(f"/ContrastName{column}\t{name}\n" for column, name in enumerate(design.names, start=1))
     for path, head, rows in (
         (matrix, f"/NumWaves\t{every.shape[1]}\n/NumPoints\t{len(every)}\n", every),
         (

@@ -61,10 +61,16 @@ def test_variants_are_compared_within_cases() -> None:
         (["variant", "group"], "variant compares folds of one case"),
         (["group", "copy"], "too few, or say the same"),
         (["word"], "too few, or say the same"),
+        (["NA"], "s3 without a value of NA"),
+        (["dash"], "s3 without a value of dash"),
+        (["unknown"], "unknown is a number, but s3 has '40 g'"),
+        (["endless"], "endless is a number, but s3 has 'inf'"),
     ],
 )
 def test_a_model_that_cannot_be_fitted_is_refused(model: list[str], what: str) -> None:
     given = [{**row, "case2": "same", "copy": row["group"], "word": row["case"]} for row in rows()]
+    for name, odd in (("NA", "NA"), ("dash", "-"), ("unknown", "40 g"), ("endless", "inf")):
+        given = [{**row, name: odd if row["case"] == "s3" else str(place)} for place, row in enumerate(given)]
     with pytest.raises(InputError, match=what):
         design_of(given, model)
 
