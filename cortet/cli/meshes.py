@@ -321,10 +321,10 @@ def picture(
     plane: Literal["x", "y", "z"] = "y",
     position: Annotated[float, number(0, 1, "SHARE")] = 0.5,
     view: Literal["left", "right", "front", "back", "top", "bottom"] | None = None,
-    region: Annotated[bool, Parameter(negative="")] = False,
+    region: Annotated[bool | None, Parameter(negative="--no-region")] = None,
     _: Writes = Writes(),
 ) -> int:
-    """Draw a mesh cut open, coloured by q, or a surface in the colours of a map.
+    """Draw a mesh cut open, coloured by region or by q, or a surface in the colours of a map.
 
     Parameters
     ----------
@@ -339,7 +339,7 @@ def picture(
     view
         Side from which it is seen (default: the cut, from above and beside).
     region
-        Colour by region instead.
+        Colour by region, or with --no-region by q (default: by region where inner surfaces part them).
 
     Examples
     --------
@@ -350,7 +350,7 @@ def picture(
             raise UsageError("--name is of an array of a field", remedy="add --field FILE")
         draw(read_mesh(file), output, axis=plane, position=position, view=view, regions=region)
         return 0
-    if region or view is not None or (plane, position) != ("y", 0.5):
+    if region is not None or view is not None or (plane, position) != ("y", 0.5):
         what = "--plane, --position, --view and --region are of a mesh, and --field draws a surface"
         raise UsageError(what, remedy="leave out --field, or the others")
     if any(file.name.endswith(form.suffix) for form in FORMATS.values() if not form.is_surface):

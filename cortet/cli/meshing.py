@@ -101,7 +101,7 @@ class Views:
             slices(made.mesh, *next(iter(given.volumes.items())), place(self.slices), given.in_mm.frame)
             print(f"{self.slices}: drawn")
         if self.picture:
-            draw(made.mesh, self.picture, place)
+            draw(made.named(), self.picture, place)
         if self.page:
             from cortet.formats.gifti import kind_of
             from cortet.report.case_page import about, write_case_page

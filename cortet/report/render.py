@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
@@ -15,12 +15,14 @@ from matplotlib.colors import Colormap
 from numpy.typing import NDArray
 
 from cortet.errors import InputError, StageError
+from cortet.formats import tags
 from cortet.formats.atomic import atomic_path
+from cortet.formats.surface_sets import interface_sets
 from cortet.geometry.topology import boundary_surface, compact
 from cortet.measure.quality import quality
 from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface
 
-VERSION: int = 4
+VERSION: int = 5
 
 #: colours that colour-blind readers tell apart; worse elements are darker
 COLOURS = "viridis_r"
@@ -71,6 +73,9 @@ _CUT_LOOK = {
 #: colours of the regions by number, and their names; colour-blind readers tell them apart
 REGION_COLOURS = ("#E69F00", "#56B4E9", "#009E73", "#CC79A7", "#F0E442")
 COLOUR_NAMES = ("orange", "blue", "green", "pink", "yellow")
+#: directions in a picture: along its width, its height and the view; lengths of scale bars, mm
+_DIRECTIONS = (("on the left", "on the right"), ("down", "up"), ("away from you", "towards you"))
+_BARS = (1, 2, 5, 10, 20, 50)
 _REGION_LOOK = {"show_edges": True, "edge_color": "#303030", "line_width": 0.6, "ambient": 0.5, "diffuse": 0.5}
 
 
@@ -81,10 +86,12 @@ def picture(
     axis: Plane = "y",
     position: float = 0.5,
     view: View | None = None,
-    regions: bool = False,
+    regions: bool | None = None,
     size: tuple[int, int] = (1600, 1200),
 ) -> None:
-    """Draw a mesh cut open, seen from the cut, with the plane; every tetrahedron is whole and coloured by its q.
+    """Draw a mesh cut open, seen from the cut, with the plane, a scale bar and where anterior is.
+
+    Every tetrahedron is whole. It has the colour of its region or of its q.
 
     Parameters
     ----------
@@ -92,7 +99,7 @@ def picture(
     axis : axis across which the mesh is cut; in RAS coordinates y runs from the back to the front of the head
     position : position of the cut along `axis`, a fraction of the mesh's extent; 1 leaves nothing out
     view : side from which it is seen; None: from the cut, a little from above and beside
-    regions : each tetrahedron in the colour of its region (`REGION_COLOURS`), not in that of its q
+    regions : whether colours are those of regions (`REGION_COLOURS`) instead of q; None: where surfaces part them
     size : pixels, width and height
 
     Raises
@@ -101,6 +108,8 @@ def picture(
     StageError : the graphics library cannot draw here
     """
     k = _AXES[axis]
+    if regions is None:
+        regions = REGION in mesh.cell_data and bool(interface_sets(mesh) or not mesh.sets.cells)
     if regions and REGION not in mesh.cell_data:
         raise InputError("the mesh has no regions", remedy="leave --region out")
     shell = _cut(mesh, k, position)
@@ -108,20 +117,48 @@ def picture(
     where = f"cut at {axis} = {along.min() + position * np.ptp(along):.1f} mm".replace("-", "\N{MINUS SIGN}")
     with off_screen(size) as plotter:
         if regions:
-            _add_regions(plotter, shell, named=True)
+            _add_regions(plotter, shell, names={number: name for name, number in tags.regions(mesh).items()})
         else:
             plotter.add_mesh(shell, **_CUT_LOOK, scalar_bar_args=SCALE)
-        if position < 1:
-            plotter.add_text(
-                where, position=(0.02, 0.03), viewport=True, font_size=max(size[1] // 130, 5), color="black"
-            )
-        points, shape = np.asarray(shell.points, float), ROOM * size[0] / size[1]
+        points, shape, bar = np.asarray(shell.points, float), ROOM * size[0] / size[1], _bar(shell, k, view)
+        plotter.add_lines(bar, color="black", width=max(size[1] // 240, 2))
+        framed = np.concatenate([points, bar])
         if view is None:
-            _aim(plotter.camera, points, k, width_to_height=shape)
+            _aim(plotter.camera, framed, k, width_to_height=shape)
         else:
-            _aim(plotter.camera, points, *_VIEWS[view], beside=0, above=0, width_to_height=shape)
+            _aim(plotter.camera, framed, *_VIEWS[view], beside=0, above=0, width_to_height=shape)
+        lines = [f"bar {np.linalg.norm(bar[1] - bar[0]):.0f} mm", *_directions(plotter.camera)]
+        text = "\n".join([*lines, where] if position < 1 else lines)
+        plotter.add_text(text, position=(0.02, 0.03), viewport=True, font_size=max(size[1] // 130, 5), color="black")
         with atomic_path(path) as temporary:
             plotter.screenshot(temporary)
+
+
+def _bar(shell: pyvista.PolyData, k: int, view: View | None) -> FloatArray:
+    """Ends of a scale bar (2, 3) below what is seen, in the plane of the cut, or before all of it, across the view."""
+    low, high = (np.asarray(shell.points, float).min(axis=0), np.asarray(shell.points, float).max(axis=0))
+    across, towards = (k, 1) if view is None else _VIEWS[view]
+    up = 1 if across == 2 else 2
+    along = 3 - across - up
+    length = max((bar for bar in _BARS if 4 * bar <= high[along] - low[along]), default=(high - low)[along] / 4)
+    ends = np.tile((low + high) / 2, (2, 1))
+    ends[:, across] = high[across] if towards > 0 else low[across]
+    ends[:, up] = low[up] - 0.03 * (high[up] - low[up])
+    ends[:, along] += np.array([-length, length]) / 2
+    return ends
+
+
+def _directions(camera: pyvista.Camera) -> list[str]:
+    """Where anterior, superior and left are in a picture, RAS coordinates: ``anterior towards you``."""
+    towards = np.subtract(camera.position, camera.focal_point)
+    right = np.cross(camera.up, towards)
+    frame = np.stack([axis / np.linalg.norm(axis) for axis in (right, np.cross(towards, right), towards)])
+    found = []
+    for name, axis, sign in (("anterior", 1, 1), ("superior", 2, 1), ("left", 0, -1)):
+        seen = sign * frame[:, axis]
+        most = int(np.abs(seen).argmax())
+        found.append(f"{name} {_DIRECTIONS[most][int(seen[most] > 0)]}")
+    return found
 
 
 def cut_view(mesh: TetMesh, *, regions: bool = False, size: tuple[int, int] = (1200, 900)) -> NDArray[np.uint8]:
@@ -303,14 +340,14 @@ def _look_from(
     camera.clipping_range = (0.1 * distance, 2 * distance)
 
 
-def _add_regions(plotter: pyvista.Plotter, shell: pyvista.PolyData, *, named: bool = False) -> None:
-    """Draw the faces of each region in its colour, with a legend of the numbers if they are `named`."""
+def _add_regions(plotter: pyvista.Plotter, shell: pyvista.PolyData, *, names: Mapping[int, str] | None = None) -> None:
+    """Draw the faces of each region in its colour, with a legend of their names by number, if these are given."""
     number = np.asarray(shell.cell_data[REGION])
     for one in np.unique(number).tolist():
         colour = REGION_COLOURS[(one - 1) % len(REGION_COLOURS)]
-        label = {"label": f"region {one}"} if named else {}
+        label = {"label": names[one]} if names else {}
         plotter.add_mesh(shell.extract_cells(number == one), color=colour, **label, **_REGION_LOOK)
-    if named:
+    if names:
         plotter.add_legend(bcolor=None, face="rectangle", loc="center left", size=(0.11, 0.1))
 
 
