@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 from cortet.errors import InputError
+from cortet.formats.volumes import require_geometry
 from cortet.meshes import CoordinateFrame, FloatArray, TriSurface
 
 logger = logging.getLogger(__name__)
 
 #: unit of coordinates -> mm
-UNITS = {"mm": 1.0, "m": 1000.0, "um": 0.001}
+UNITS = {"mm": 1.0, "m": 1000.0, "cm": 10.0, "um": 0.001}
 
 #: shares of the cell size: a distance between neighbouring numbers that is said, and one that is refused
 _COARSE, _TOO_COARSE = 0.01, 0.05
@@ -99,8 +100,11 @@ def _of_image(path: str | Path) -> Any:
     import nibabel
 
     try:
-        return np.asarray(nibabel.load(path).affine, float)  # type: ignore[attr-defined]
+        image: Any = nibabel.load(path)
+        affine = np.asarray(image.affine, float)
     except (OSError, EOFError, ValueError, AttributeError, zlib.error, nibabel.filebasedimages.ImageFileError) as error:
         raise InputError(
             f"cannot be read as an image: {error}", file=path, remedy="give the image that the surface was made from"
         ) from None
+    require_geometry(image, path)
+    return affine

@@ -38,12 +38,16 @@ Kind = Literal["labels", "numbers", "tensors", "mrtrix"]
 _ENDINGS = (".nii", ".nii.gz", ".mgz", ".mgh")
 #: names of files that hold labels
 _LABELLED = re.compile(r"(^|[_.-])(d?seg|aseg|aparc.*|labels?|parc)\.(nii|nii\.gz|mgz|mgh)$")
+#: most by which a label differs from a whole number: files round what their header scales
+_ROUNDED = 1e-3
 #: most labels of a volume; atlases have a few hundred
 _MOST_LABELS = 2000
 #: bounds of the voxel widths of brain images, mm
 _NARROWEST, _WIDEST = 0.01, 20.0
 #: a matrix is singular if its determinant, over the product of its columns' lengths, is at most this
 _SINGULAR = 1e-6
+#: header of an MGH file up to the flag that says whether its geometry is valid, bytes
+_TO_FLAG, _FLAG = 28, 2
 #: numbers of a tensor, and where xx, yy, zz, xy, yz, xz stand in each order
 _TENSOR = 6
 _ORDERS = {"tensors": [0, 3, 5, 1, 4, 2], "mrtrix": [0, 1, 2, 3, 5, 4], "symmetric": [0, 2, 5, 1, 4, 3]}
@@ -247,7 +251,8 @@ def _content(image: SpatialImage, path: str | Path) -> tuple[NDArray[Any], Float
         shape = tuple(int(count) for count in image.shape)
         order = _shape_is_usable(shape, path)
         affine = np.asarray(image.affine, float)
-        _require_placed(image, affine, path)
+        require_geometry(image, path)
+        _require_mm(image, affine, path)
         _say_disagreement(image, path)
         values = np.asarray(image.dataobj)
     if values.dtype.kind not in "iuf":
@@ -272,20 +277,33 @@ def _shape_is_usable(shape: tuple[int, ...], path: str | Path) -> str | None:
     return "symmetric" if len(shape) == 5 else ""
 
 
-def _require_placed(image: Any, affine: FloatArray, path: str | Path) -> None:
-    """Raise InputError unless the header says where the voxels are, in mm."""
+def require_geometry(image: Any, path: str | Path) -> None:
+    """Raise InputError for a header that does not say where the voxels are; NiBabel then assumes something."""
+    from nibabel.openers import ImageOpener
+
+    header = image.header
+    why = ""
+    if "sform_code" in header and int(header["sform_code"]) <= 0 and int(header["qform_code"]) <= 0:
+        why = "its sform and qform codes are 0"
+    elif "goodRASFlag" in header and os.path.isfile(path):  # noqa: PTH113, as in label_table
+        with ImageOpener(str(path)) as file:  # NiBabel sets the flag of what it read
+            why = "" if any(file.read(_TO_FLAG + _FLAG)[_TO_FLAG:]) else "its header calls its geometry invalid"
+    if why:
+        raise InputError(
+            f"does not say where its voxels are: {why}",
+            file=path,
+            remedy="copy the header of the image that it was made from, for example with fslcpgeom or mri_convert",
+        )
+
+
+def _require_mm(image: Any, affine: FloatArray, path: str | Path) -> None:
+    """Raise InputError for an affine that is none, or whose coordinates are not mm."""
     header = image.header
     if not np.isfinite(affine).all():
         raise InputError("its affine is not finite", file=path, remedy="export it again")
     widths = np.linalg.norm(affine[:3, :3], axis=0)
     if abs(np.linalg.det(affine[:3, :3])) <= _SINGULAR * np.prod(widths):
         raise InputError("its affine flattens space", file=path, remedy="export it again")
-    if "sform_code" in header and int(header["sform_code"]) <= 0 and int(header["qform_code"]) <= 0:
-        raise InputError(
-            "does not say where its voxels are: its sform and qform codes are 0",
-            file=path,
-            remedy="copy the header of the image that it was made from, for example with fslcpgeom",
-        )
     unit = header.get_xyzt_units()[0] if hasattr(header, "get_xyzt_units") else "mm"
     size = " x ".join(f"{width:.3g}" for width in widths)
     if unit in ("meter", "micron"):
@@ -324,7 +342,7 @@ def _are_labels(values: NDArray[Any], path: str | Path) -> bool:
             )
         return True
     finite = values[np.isfinite(values)]
-    if (finite == np.floor(finite)).all():
+    if (np.abs(finite - np.rint(finite)) <= _ROUNDED).all() and np.rint(finite).any():
         raise InputError(
             f"holds whole numbers as {values.dtype}: labels or measured numbers?",
             file=path,
@@ -334,24 +352,29 @@ def _are_labels(values: NDArray[Any], path: str | Path) -> bool:
 
 
 def _whole(values: NDArray[Any], path: str | Path) -> NDArray[np.int32]:
-    """Labels as 32-bit integers."""
+    """Labels as 32-bit integers; those that differ a little from whole numbers are rounded, which is said."""
     if values.dtype.kind == "f":
-        broken = ~(values == np.floor(values))
+        whole = np.rint(values)
+        away = np.abs(values - whole)
+        broken = ~(away <= _ROUNDED)
         if broken.any():
             first = tuple(np.argwhere(broken)[0].tolist())
             raise InputError(
                 f"is to hold labels, but {broken.mean():.1%} of its voxels hold no whole numbers, "
-                f"the first is {values[first]:g} at {first}",
+                f"the first is {values[first]:.10g} at {first}",
                 file=path,
-                remedy="resample labels by nearest neighbour, not by interpolation; measured numbers are FILE:numbers",
+                remedy="save labels as integers, neither interpolated nor scaled; measured numbers are FILE:numbers",
             )
+        if away.any():
+            logger.warning("%s: its labels are up to %.1g from whole numbers: they are rounded", path, away.max())
+        values = whole
     if values.min() < -(2**31) or values.max() >= 2**31:
         raise InputError("holds a label beyond 32 bits", file=path, remedy="number the labels again")
-    whole = values.astype(np.int32)
-    if (count := len(np.unique(whole))) > _MOST_LABELS:
+    labels = values.astype(np.int32)
+    if (count := len(np.unique(labels))) > _MOST_LABELS:
         what = f"holds {count:,} labels, more than the {_MOST_LABELS:,} that are read"
         raise InputError(what, file=path, remedy="if it is an image, name it NAME=FILE:numbers")
-    return whole
+    return labels
 
 
 def _tensors(values: NDArray[Any], affine: FloatArray, order: str, path: str | Path) -> NDArray[np.float32]:

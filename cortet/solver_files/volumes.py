@@ -37,6 +37,8 @@ FIBRE = "fibre"
 _TAKEN = (REGION, FIBRE, "q")
 #: labels are misplaced if another position covers this much more of the inside, and this share of what they can cover
 _GAIN, _NEARLY = 0.03, 0.9
+#: x, y and z of LPS, as ITK has them, in RAS
+_LPS = np.array([-1.0, -1.0, 1.0])
 #: a warning is given if more than this share of a brain lies where a volume is 0 or holds no number
 _BARE = 0.05
 #: label 0 is the outside, not a tissue, if less than this share of a mesh has it
@@ -248,7 +250,10 @@ def _require_cover(volume: Volume, points: FloatArray) -> None:
     else:
         share = f"{(out > 0).mean():.1%} of the surface's vertices lie outside the volume, by up to {out.max():.1f} mm"
         what = f"{share}; it {reach.removeprefix('which ')}"
-    raise InputError(what, file=volume.file, remedy="give a volume of this brain, in the space of the surface")
+    remedy = "give a volume of this brain, in the space of the surface"
+    if beyond(points * _LPS).max() <= widths.max():
+        remedy = "it lies inside with x and y reversed: is the surface in LPS? write it in RAS"
+    raise InputError(what, file=volume.file, remedy=remedy)
 
 
 def _require_on(volume: Volume, surface: TriSurface) -> None:
@@ -257,16 +262,25 @@ def _require_on(volume: Volume, surface: TriSurface) -> None:
     enough = max(found.here + _GAIN, _NEARLY * found.possible)
     covers = f"its labels cover {found.here:.0%} of the surface's inside"
     best = max(found.flipped.values())
-    if best >= enough and best >= found.shifted - _GAIN:
+    flipped = best >= enough and best >= found.shifted - _GAIN
+    moved = found.shifted >= enough and np.linalg.norm(found.shift) > volume.voxel
+    if not (flipped or moved or not found.here):
+        return
+    turned = replace(surface, points=surface.points * _LPS)  # the way round of its triangles stays
+    share = coverage(turned, volume.values != 0, volume.affine).here
+    by_one_axis = max(share for axes, share in found.flipped.items() if len(axes) == 1)
+    if share >= max(enough, by_one_axis + _GAIN):
+        what = f"{covers}, and {share:.0%} with x and y of the surface reversed"
+        raise InputError(what, file=volume.file, remedy="the surface seems to be in LPS: write it in RAS")
+    if flipped:
         what = f"{covers}, and {_reversed(found)}"
         raise InputError(what, file=volume.file, remedy="it seems to be flipped: export it again with its own affine")
-    if found.shifted >= enough and np.linalg.norm(found.shift) > volume.voxel:
+    if moved:
         what = f"{covers}, and {found.shifted:.0%} if they were moved by {place_mm(found.shift)}"
         raise InputError(what, file=volume.file, remedy="it seems to be shifted: give it in the space of the surface")
-    if not found.here:
-        raise InputError(
-            "none of its labels lies inside the surface", file=volume.file, remedy="give a volume of this brain"
-        )
+    raise InputError(
+        "none of its labels lies inside the surface", file=volume.file, remedy="give a volume of this brain"
+    )
 
 
 def _background(name: str, volume: Volume, surface: TriSurface) -> Background:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,8 +23,10 @@ from cortet.cohort.sheet import read_sheet, write_sheet
 from cortet.errors import InputError
 from cortet.formats import abaqus, vtu
 from cortet.formats.gifti import read_surface, write_surface
+from cortet.formats.placement import matrix
 from cortet.formats.tsv import read_tsv
 from cortet.formats.volumes import Volume, label_names, matrices, read_labels, read_named, read_volume, six
+from cortet.formats.volumes import volume_of as volume_from
 from cortet.geometry.closest_point import tree_of
 from cortet.geometry.icosphere import icosphere
 from cortet.geometry.label_surface import Handles, label_surfaces
@@ -35,7 +38,7 @@ from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, TetMesh, TriSurface
 from cortet.phantoms.head import LABELS, direction, head
 from cortet.report.slices import cut
-from cortet.solver_files.label_surfaces import inner_surfaces
+from cortet.solver_files.label_surfaces import inner_surfaces, surfaces_of_labels
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.volumes import backgrounds, require_in_place, with_volumes
 
@@ -102,6 +105,30 @@ def test_freesurfers_volumes_are_read(tmp_path: Path, labels: NDArray[np.int16])
     np.testing.assert_allclose(volume.affine, AFFINE, atol=1e-5)
 
 
+def test_an_mgh_file_without_valid_geometry_is_refused(tmp_path: Path, labels: NDArray[np.int16]) -> None:
+    """NiBabel would place it around 0, with voxels of 1 mm."""
+    image = nibabel.MGHImage(labels.astype(np.int32), AFFINE)
+    packed = gzip.compress(image.to_bytes()[:28] + bytes(2) + image.to_bytes()[30:])
+    (tmp_path / "aseg.mgz").write_bytes(packed)
+    for read in (read_volume, lambda path: volume_from(nibabel.load(path)), lambda path: matrix("mm", path)):
+        with pytest.raises(InputError, match=r"aseg.mgz: does not say where its voxels are: .*invalid"):
+            read(tmp_path / "aseg.mgz")
+
+
+def test_labels_that_a_file_rounds_are_labels(
+    tmp_path: Path, labels: NDArray[np.int16], caplog: pytest.LogCaptureFixture
+) -> None:
+    for slope, whole in ((0.1, 1), (701.49995, 7015)):
+        image = nibabel.Nifti1Image(10 * (labels > 0).astype(np.uint8), AFFINE)
+        file = tmp_path / "x_dseg.nii"
+        nibabel.save(image, file)
+        _damaged(file, lambda raw, slope=slope: raw[:112] + np.float32(slope).tobytes() + bytes(4) + raw[120:])
+        caplog.clear()
+        assert set(np.unique(read_volume(file).values)) == {0, whole}
+        assert "rounded" in caplog.text
+    assert read_volume(written(tmp_path / "md.nii", 0.0008 * labels)).kind == "numbers"
+
+
 def test_labels_have_names(tmp_path: Path, labels: NDArray[np.int16]) -> None:
     file = written(tmp_path / "sub-1_desc-drawem9_dseg.nii.gz", labels)
     assert label_names(file) == {}
@@ -147,7 +174,11 @@ BAD: dict[str, tuple[Callable[[Path, NDArray[np.int16]], Path], str]] = {
     "2-D": (lambda path, labels: written(path, labels[0]), "which is not a volume"),
     "fractions": (
         lambda path, labels: written(path.with_name("x_dseg.nii"), (labels / 3).astype(np.float32)),
-        "is to hold labels, but .*% of its voxels hold no whole numbers, the first is 0.333333 at",
+        "is to hold labels, but .*% of its voxels hold no whole numbers, the first is 0.3333333.* at .*integers",
+    ),
+    "nearly whole": (
+        lambda path, labels: written(path.with_name("x_dseg.nii"), labels + 7014.9 * (labels > 0)),
+        "the first is 7015.9 at",
     ),
     "an image": (
         lambda path, labels: written(path, np.arange(labels.size, dtype=np.int32).reshape(labels.shape)),
@@ -216,6 +247,17 @@ def _shift(mm: float) -> NDArray[np.float64]:
     shift = np.zeros((4, 4))
     shift[0, 3] = mm
     return shift
+
+
+def test_a_surface_in_lps_is_told(ball: TriSurface, labels: NDArray[np.int16]) -> None:
+    away = AFFINE + _shift(14)
+    with pytest.raises(InputError, match="outside the volume.*LPS"):
+        require_in_place(volume_of(labels, away), replace(ball, points=ball.points - [14, 0, 0]))
+    aside = TriSurface(ball.points * 0.5 + [3, 6, 0], ball.faces)
+    centres = np.indices(labels.shape).reshape(3, -1).T @ AFFINE[:3, :3].T + AFFINE[:3, 3]
+    there = (winding_numbers(aside, centres) > 0.5).reshape(labels.shape).astype(np.int16)
+    with pytest.raises(InputError, match="LPS"):
+        require_in_place(volume_of(there), replace(aside, points=aside.points * [-1, -1, 1]))
 
 
 def test_labels_that_are_flipped_are_refused(ball: TriSurface, labels: NDArray[np.int16]) -> None:
@@ -485,6 +527,20 @@ def test_sheets_and_gaps_of_one_voxel_keep_their_width(slope: float) -> None:
         width = thickness(tree_of(surface), surface.points[on], normals[on], 8.0, inside=inside)
         assert width.min() > 0.7
         assert made.furthest < 0.5
+
+
+def test_a_label_that_the_image_cuts_off_is_told_with_side_and_area(caplog: pytest.LogCaptureFixture) -> None:
+    """The first axis goes left, the third up."""
+    values = np.zeros((20, 20, 20), np.int16)
+    values[10:, 4:12, 4:14] = 5
+    values[12:16, 6:10, :6] = 5
+    affine = np.diag([-2.0, 1, 1, 1])
+    surfaces_of_labels("x", Volume(values, affine, "labels", file="dseg.nii"), [5])
+    assert "label 5 reaches the left side of the image: its surface is flat there, over 80 mm2" in caplog.text
+    assert "the inferior side of the image: its surface is flat there, over 32 mm2" in caplog.text
+    caplog.clear()
+    surfaces_of_labels("x", Volume(np.pad(values, 1), affine, "labels", file="dseg.nii"), [5])
+    assert not caplog.text
 
 
 def test_labels_of_a_surface_are_refused() -> None:
