@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 import pandas as pd
 from matplotlib.image import imread
 
@@ -23,29 +24,21 @@ Row = Mapping[str, str]
 
 #: columns that identify a mesh
 KEY = ["case", "cell_size_mm", "mesher"]
-#: modified z-score beyond which a value is an outlier, and the fewest values to check
-#: (Iglewicz and Hoaglin, How to detect and handle outliers, ASQC Quality Press, 1993, who give 3.5)
-OUTLIER, FEWEST = 3.5, 10
-#: column -> its name in the reason why a mesh is an outlier
-CHECKED = {"q_max": "worst q", "q_mean": "mean q"}
-#: least spread; a smaller one counts as this. If one surface is meshed in other directions, worst q spreads by 0.0005
-#: and mean q by 0.002 (a phantom of 26 weeks, h = 2.5 mm). Meshes that are more alike differ by chance, and a worst q
-#: that is 3.5 x 0.005 higher than others does not matter for a limit of 0.6
-LEAST_SPREAD = {"q_max": 0.005, "q_mean": 0.002}
+#: a worst q farther than this share of the way from the usual one to its limit is an outlier
+OUTLIER = 0.5
 #: states in the order of the rows; certified meshes come by their outlier score
 _ORDER = ("failed", "unfinished", "uncertified", "certified", "excluded")
 
 
-_SCORE = (
-    "Larger of the absolute modified z-scores of worst q and mean q (Iglewicz and Hoaglin 1993) among the meshes of "
-    f"one cell size and mesher, where there are at least {FEWEST}; above {OUTLIER} a mesh is called an outlier. "
-    "A spread counts as at least: " + ", ".join(f"{CHECKED[name]} {least:g}" for name, least in LEAST_SPREAD.items())
+_SHARE = (
+    "How far worst q is on its way from the median of the meshes of one cell size and mesher (0 %) to its limit "
+    f"(100 %); above {OUTLIER:.0%} a mesh is called an outlier"
 )
 #: columns that a mesh may have, and the columns that the page shows first
 COLUMNS = (
     *STATUS,
     *CASE_COLUMNS,
-    Column("outlier", _SCORE, heading="Outlier score", form=".1f"),
+    Column("outlier", _SHARE, heading="Towards the limit", form=".0%"),
     *QUALITY_COLUMNS,
 )
 SHOWN = 8  # at first, of those below
@@ -59,8 +52,8 @@ FIRST = (
 
 
 _ORDER_IN_WORDS = (
-    "Failed cases come first, then those that are not certified, then the farthest outliers. A name leads to the page "
-    "of its mesh."
+    "Failed cases come first, then those that are not certified, then those closest to the limit. A name leads to the "
+    "page of its mesh."
 )
 _AGE = {
     "name": "Figure",
@@ -102,11 +95,12 @@ def write_cohort_page(
     if quality:
         explained |= json.loads(quality[1].read_text(encoding="utf-8"))
         rows = _with_columns(rows, read_tsv(quality[0]))
-    rows = ordered(with_outliers(rows))
+    rows = ordered(with_outliers(rows, _limit(explained.get("q_max", {}))))
     counts = _counts(rows)
     panels = [Panel("cases", "Cases", _cases(rows, explained, list(counts)))]
     if figure:
-        panels.append(Panel("age", "Against age", [("figure", {**_AGE, "svg": _figure(figure, "age")})]))
+        aged = "scan_age" in rows and (rows["scan_age"] != MISSING).any()
+        panels.append(Panel("age", "Against age" if aged else "By case", [("figure", {**_AGE, "svg": _figure(figure, "age")})]))
     if maps:
         panels.append(Panel("maps", "On the common mesh", [("maps", [_map_picture(*one) for one in maps.items()])]))
     panels += [panel for part in more for panel in part.panels()]
@@ -192,48 +186,29 @@ def _with_columns(rows: pd.DataFrame, more: pd.DataFrame) -> pd.DataFrame:
     return rows.merge(more[[*KEY, *new]], how="left", on=KEY).fillna(MISSING)
 
 
-def modified_z_scores(values: pd.Series[float], least: float = 0.0) -> pd.Series[float]:
-    """Distance of each value from the median, in robust standard deviations (Iglewicz and Hoaglin 1993).
+def with_outliers(rows: pd.DataFrame, limit: float | None) -> pd.DataFrame:
+    """Rows with `outlier`, the share of worst q's way to the limit, and `outlying`, why a mesh is an outlier, if it is.
 
-    The score is 0.6745 (x - median) / MAD, with the median absolute deviation MAD. If more than half of the values are
-    equal, the mean absolute deviation, times 1.2533, replaces the standard deviation MAD / 0.6745. If all values are
-    equal, all scores are 0.
-
-    Parameters
-    ----------
-    least : least standard deviation; a smaller one counts as this
-    """
-    distances = values - values.median()
-    scale = max(distances.abs().median() / 0.6745 or 1.2533 * distances.abs().mean(), least)
-    return distances / scale if scale else 0.0 * distances
-
-
-def with_outliers(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows with `outlier`, the largest absolute score of a mesh, and `outlying`, what makes it an outlier, if anything.
-
-    Meshes are compared with those of the same cell size and mesher, if these are at least `FEWEST`.
+    The way begins at the median of the meshes of one cell size and mesher. Without a limit there are no outliers.
 
     Parameters
     ----------
     rows : all strings, as read from the tables
     """
-    values = rows.reindex(columns=list(CHECKED)).apply(pd.to_numeric, errors="coerce").dropna()
-    scores = pd.DataFrame(index=rows.index, columns=list(CHECKED), dtype=float)
-    for _, members in values.groupby([rows.loc[values.index, name] for name in ("cell_size_mm", "mesher")]):
-        if len(members) >= FEWEST:
-            for name in CHECKED:
-                scores.loc[members.index, name] = modified_z_scores(members[name], LEAST_SPREAD[name])
-    far = [
-        ", ".join(_far(CHECKED[name], value) for name, value in own.items() if abs(value) > OUTLIER)
-        for own in scores.to_dict("records")
+    worst = pd.to_numeric(rows.get("q_max", pd.Series(MISSING, rows.index)), errors="coerce")
+    usual = worst.groupby([rows["cell_size_mm"], rows["mesher"]]).transform("median")
+    way = (np.nan if limit is None else limit) - usual
+    share = ((worst - usual) / way.where(way > 0)).clip(lower=0)
+    why = [
+        f"worst q {own:.3f}, usually {median:.3f}, limit {limit:g}" if far > OUTLIER else ""
+        for own, median, far in zip(worst, usual, share, strict=True)
     ]
-    return rows.assign(outlier=scores.abs().max(axis="columns").map(cell), outlying=far)
+    return rows.assign(outlier=share.map(cell), outlying=why)
 
 
-def _far(name: str, score: float) -> str:
-    """A score in words; a score above 99 says no more than that."""
-    many = "over 99" if abs(score) > 99 else f"{abs(score):.1f}"
-    return f"{name} {many} deviations {'above' if score > 0 else 'below'} the others"
+def _limit(entry: Mapping[str, Any]) -> float | None:
+    """The limit in the sidecar's entry of a column: of ``< 0.6`` it is 0.6."""
+    return float(entry["Threshold"].split()[-1]) if "Threshold" in entry else None
 
 
 def ordered(rows: pd.DataFrame) -> pd.DataFrame:

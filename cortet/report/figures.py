@@ -26,7 +26,7 @@ from cortet.formats.tsv import read_tsv
 from cortet.report import published
 from cortet.report.colours import BLUE, COLOURS, DARK_GREY, GREEN, GREY, VERMILION
 
-VERSION: int = 5
+VERSION: int = 6
 
 #: width of one column and of both columns of a two-column journal, inches
 COLUMN, PAGE = 3.5, 7.2
@@ -155,6 +155,8 @@ def legend(figure: Figure, axes: Iterable[Axes], *, columns: int) -> None:
 def cohort_figure(table: Path, *, limit: float | None = None, target: float | None = None) -> Figure:
     """Tetrahedra, mean q, worst q and fidelity of every mesh against gestational age, over the published cohort.
 
+    If no age is known, meshes stand side by side in the order of the table, without the published ones.
+
     The number of tetrahedra follows the cell size, so the published ones are shown only beside meshes of theirs; q
     depends little on it, and a panel with others says what the published one is. Meshes of unknown age are drawn beyond
     the end of the age axis; a cross marks those of known age that are not certified.
@@ -168,6 +170,10 @@ def cohort_figure(table: Path, *, limit: float | None = None, target: float | No
     rows, theirs = read_tsv(table), published.cohort()
     numbers = ["cell_size_mm", "scan_age", *_PANELS]
     rows[numbers] = rows[numbers].apply(pd.to_numeric, errors="coerce")  # an age may be n/a
+    label_of_x = "gestational age (weeks)"
+    if rows["scan_age"].isna().all():
+        rows["scan_age"], theirs = np.arange(1, len(rows) + 1), theirs[[]]
+        label_of_x = "case, in the order of the table"
     refused = rows[rows["verdict"] == "fail"] if "verdict" in rows else rows[:0]
     like = bool(np.isclose(rows["cell_size_mm"], published.CELL_SIZE).any())
     with drawn(PAGE, 4.6) as figure:
@@ -179,7 +185,7 @@ def cohort_figure(table: Path, *, limit: float | None = None, target: float | No
                 mark = {"s": 22, "marker": "x", "color": "black", "linewidths": 0.8, "clip_on": False, "zorder": 3}
                 label_of = f"not certified ($n$ = {len(refused)})"
                 axis.scatter(refused["scan_age"], refused[column] / unit, label=label_of, **mark)
-            axis.set(xlabel="gestational age (weeks)", ylabel=label)
+            axis.set(xlabel=label_of_x, ylabel=label)
             axis.tick_params(labelbottom=True)
             if rows["scan_age"].isna().any():
                 axis.annotate(
@@ -193,7 +199,7 @@ def cohort_figure(table: Path, *, limit: float | None = None, target: float | No
             axis.set_ylim(bottom=0)
         low, high = axes[1].get_ylim()
         axes[1].set_ylim(min(low, 0.125), max(high, 0.135))  # otherwise differences of 0.001 look large
-        if not like:
+        if not like and len(theirs.columns):
             for axis in axes[1:3]:
                 axis.annotate(
                     f"grey: {H} = {published.CELL_SIZE:g} mm", (0.02, 1), xycoords="axes fraction",
@@ -320,7 +326,7 @@ def _panel(axis: Axes, rows: pd.DataFrame, theirs: pd.DataFrame | None, column: 
                 values, outside = chosen[column][~known] / unit, axis.get_yaxis_transform()
                 axis.scatter(np.full(len(values), _BESIDE), values, transform=outside, **style)
                 ages = rows["scan_age"].dropna()
-                if theirs is not None or ages.empty:
+                if theirs is not None:
                     ages = published.cohort()["scan_age_weeks"]
                 middle = float(ages.median())  # the value axis covers theirs, too
                 axis.update_datalim([(middle, value) for value in values])

@@ -20,7 +20,7 @@ from cortet.formats.atomic import write_json
 from cortet.formats.tables import names
 from cortet.formats.tsv import write_tsv
 from cortet.neighbours import OnPage
-from cortet.report.cohort_page import modified_z_scores, ordered, with_outliers, write_cohort_page
+from cortet.report.cohort_page import ordered, with_outliers, write_cohort_page
 
 WORST = {"a": 0.50, "b": 0.51, "c": 0.49, "d": 0.50, "e": 0.58, "f": 0.505, "h": 0.495, "i": 0.50, "j": 0.50, "k": 0.50}
 MESH = {"cell_size_mm": "0.6", "mesher": "cgal", "state": "certified", "q_mean": "0.129"}
@@ -59,34 +59,26 @@ def cases(page: str) -> list[str]:
     return re.findall(r'<th scope="row">(?:<a [^>]*>)?(\w+)', page)
 
 
-def scores(*values: float) -> list[float]:
-    return list(modified_z_scores(pd.Series(values)))
-
-
 def checked(rows: list[dict[str, str]]) -> pd.DataFrame:
-    return with_outliers(pd.DataFrame(rows).fillna("n/a"))
+    return with_outliers(pd.DataFrame(rows).fillna("n/a"), 0.6)
 
 
-def test_scores_are_those_of_iglewicz_and_hoaglin() -> None:
-    # median 3, absolute deviations 2, 1, 0, 1, 97 with median 1
-    assert scores(1, 2, 3, 4, 100) == pytest.approx([-1.349, -0.6745, 0, 0.6745, 65.4265])
-
-
-def test_where_most_values_are_equal_the_mean_deviation_is_the_measure() -> None:
-    assert scores(1, 1, 1, 1, 6) == pytest.approx([0, 0, 0, 0, 5 / 1.2533])
-    assert scores(2, 2, 2) == [0, 0, 0]
-
-
-def test_meshes_that_are_nearly_equal_have_no_outlier() -> None:
-    alike = {name: 0.3333 + 1e-7 * number for number, name in enumerate("abcdeghij")}
-    rows = checked(measured(**alike, f=0.3350))
-    assert not any(rows["outlying"]) and pd.to_numeric(rows["outlier"]).max() < 1
-    assert (
-        checked(measured(**alike, f=0.40)).set_index("case").loc["f", "outlying"]
-        == "worst q 13.3 deviations above the others"
+def test_an_outlier_is_more_than_halfway_from_the_others_to_the_limit() -> None:
+    rows = checked(measured(**dict.fromkeys("abc", 0.3), d=0.44, e=0.46, f=0.25)).set_index("case")
+    assert pd.to_numeric(rows["outlier"]).to_dict() == pytest.approx(
+        {"a": 0, "b": 0, "c": 0, "d": 0.14 / 0.3, "e": 0.16 / 0.3, "f": 0}
     )
-    farther = checked(measured(**alike, f=0.99)).set_index("case").loc["f", "outlying"]
-    assert farther == "worst q over 99 deviations above the others"
+    assert list(rows.index[rows["outlying"] != ""]) == ["e"] and "0.460" in rows.loc["e", "outlying"]
+
+
+def test_good_meshes_that_differ_by_chance_are_no_outliers() -> None:
+    assert not any(checked(measured(**dict.fromkeys("abcdefgh", 0.3), i=0.324, j=0.33))["outlying"])
+
+
+def test_without_a_limit_or_where_most_are_beyond_it_there_are_no_outliers() -> None:
+    rows = pd.DataFrame(measured(a=0.3, b=0.3, c=0.5))
+    assert not any(with_outliers(rows, None)["outlying"])
+    assert not any(checked(measured(a=0.7, b=0.7, c=0.3))["outlying"])
 
 
 def test_failures_come_first_then_the_farthest_outlier() -> None:
@@ -95,16 +87,8 @@ def test_failures_come_first_then_the_farthest_outlier() -> None:
     assert names[:3] == ["y", "z", "e"] and names[-1] == "x"
 
 
-def test_an_outlier_says_what_makes_it_one() -> None:
-    rows = checked(measured(**WORST)).set_index("case").to_dict("index")
-    assert re.fullmatch(r"worst q \d+\.\d deviations above the others", rows["e"]["outlying"])
-    assert not rows["a"]["outlying"] and float(rows["a"]["outlier"]) < 1
-
-
-def test_few_meshes_and_those_of_other_cell_sizes_are_not_compared() -> None:
-    few = measured(**dict.fromkeys("abcdefgh", 0.5), i=0.9)
-    assert set(checked(few)["outlier"]) == {"n/a"}
-    coarse = [{**row, "cell_size_mm": "1"} for row in measured(g=0.9)]
+def test_meshes_of_other_cell_sizes_are_not_compared() -> None:
+    coarse = [{**row, "cell_size_mm": "1"} for row in measured(g=0.59)]
     table = checked([*measured(**WORST), *coarse])
     assert list(table.loc[table["outlying"] != "", "case"]) == ["e"]
 

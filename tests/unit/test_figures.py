@@ -53,14 +53,22 @@ def test_each_panel_shows_every_mesh_in_front_of_the_published_ones(figure: Figu
         assert all(float(week).is_integer() for week in axis.get_xticks())
 
 
-@pytest.mark.parametrize("known", [True, False])
-def test_meshes_of_unknown_age_stand_beyond_the_axis_of_ages(tmp_path: Path, known: bool) -> None:
+def test_without_ages_meshes_stand_by_case(tmp_path: Path) -> None:
     table = tmp_path / "cohort_quality.tsv"
-    table.write_text(HEADER + (ROWS if known else "") + "sub-4_hemi-L\tL\tn/a\t0.6\t390000\t0.129\t0.4\t0.03\n")
+    table.write_text(HEADER + "".join(f"sub-{n}\tL\tn/a\t0.6\t{n}000\t0.129\t0.4\t0.03\n" for n in (4, 5)))
+    axis = cohort_figure(table).axes[0]
+    (points,) = axis.collections
+    assert np.asarray(points.get_offsets()).tolist() == [[1, 4], [2, 5]]
+    assert axis.get_xlabel().startswith("case")
+
+
+def test_meshes_of_unknown_age_stand_beyond_the_axis_of_ages(tmp_path: Path) -> None:
+    table = tmp_path / "cohort_quality.tsv"
+    table.write_text(HEADER + ROWS + "sub-4_hemi-L\tL\tn/a\t0.6\t390000\t0.129\t0.4\t0.03\n")
     for axis, value in zip(cohort_figure(table).axes, (390, 0.129, 0.4, 0.03), strict=True):
         assert axis.get_xlim()[0] > 15, "no age is near 0"
         theirs = value != 0.03  # nobody published that
-        beside = axis.collections[1 + theirs if known else -1]
+        beside = axis.collections[1 + theirs]
         ((x, y),) = np.asarray(beside.get_offsets())
         assert x > 1 and y == pytest.approx(value) and beside.get_transform() != axis.transData
         assert not beside.get_clip_on() and "age\nn/a" in [text.get_text() for text in axis.texts]
