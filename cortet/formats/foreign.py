@@ -11,20 +11,25 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
+from cortet.errors import InputError
 from cortet.formats import freesurfer, obj, off, ply, stl
-from cortet.formats.untrusted import GZIP, content
+from cortet.formats.numbering import in_32_bits
+from cortet.formats.untrusted import GZIP, content, safe_name
 from cortet.meshes import TriSurface
 
 #: number of bytes examined; an OBJ file may begin with comments
 _HEAD = 1 << 16
 _OBJ = re.compile(rb"^v[ \t]+[-+.\d]", re.MULTILINE)
+#: CIVET: a surface begins with P, five properties of light and the number of vertices, values with a line of one number
+_MNI = re.compile(rb"\s*P(\s+[-+.\dEe]+){5}\s+\d+\s")
+_NUMBERS = re.compile(rb"\s*[-+.\d]+([eE][-+]?\d+)?[ \t]*\r?\n")
 _VTK = re.compile(rb"<VTKFile[^>]*\btype=[\"'](\w+)")
 _CONVERT = "convert it to GIfTI or PLY: ParaView, or pyvista.read(FILE).save(PLY)"
 #: first bytes and kind of files that are not read; a remedy, if there is one, follows in brackets
 _NAMES: tuple[tuple[bytes, str], ...] = (
-    (b"\xff\xff\xfd", "a FreeSurfer surface of quadrangles (convert it: mris_convert)"),
     (b"#!ascii", "a FreeSurfer surface in text (convert it: mris_convert)"),
     (b"version https://git-lfs", "a pointer of Git LFS, not the file (git lfs pull)"),
     (b"/annex/objects", "a pointer of git-annex, not the file (datalad get, or git annex get)"),
@@ -46,7 +51,7 @@ _NAMES: tuple[tuple[bytes, str], ...] = (
 def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
     """The reader of a surface that is not GIfTI, `read(path, finite=...)`; None if the first bytes are unknown."""
     head, size = _beginning(path)
-    if head.startswith(freesurfer.SURFACE):
+    if freesurfer.is_surface(head, size):
         return freesurfer.read_surface
     if stl.begins(head, size):
         return _always_finite(stl.read)
@@ -60,17 +65,19 @@ def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
 
 
 def fields_of(path: Path) -> dict[str, NDArray[Any]] | None:
-    """Per-vertex values of a FreeSurfer file, by its name; None if it is not such a file."""
+    """Per-vertex values of a FreeSurfer file, or of plain numbers, by its name; None for any other file."""
     head, size = _beginning(path)
-    if head.startswith(freesurfer.VALUES):
+    if freesurfer.is_values(head, size):
         return freesurfer.read_values(path)
+    if _NUMBERS.match(head):
+        return {safe_name(path.name.split(".")[0]): _plain(path)}
     return freesurfer.read_annotation(path).field if freesurfer.is_annotation(head, size) else None
 
 
 def label_names_of(path: Path) -> dict[int, str] | None:
-    """Key -> name of the labels of a FreeSurfer annotation; empty for FreeSurfer values; None for any other file."""
+    """Key -> name of the labels of a FreeSurfer annotation; empty for values and numbers; None for any other file."""
     head, size = _beginning(path)
-    if head.startswith(freesurfer.VALUES):
+    if freesurfer.is_values(head, size) or _NUMBERS.match(head):
         return {}
     return freesurfer.read_annotation(path).names if freesurfer.is_annotation(head, size) else None
 
@@ -85,9 +92,31 @@ def name_of(path: Path) -> str:
         return f"VTK {vtk[1].decode()} ({_CONVERT})"
     if stl.begins(head, size) or head.startswith(ply.MAGIC) or off.BEGINS.match(head) or _OBJ.search(head):
         return "a surface without values"
-    if head.startswith((freesurfer.SURFACE, freesurfer.VALUES)):
-        return "a FreeSurfer surface" if head.startswith(freesurfer.SURFACE) else "values of FreeSurfer, no surface"
+    if freesurfer.is_surface(head, size):
+        return "a FreeSurfer surface"
+    if freesurfer.is_values(head, size):
+        return "values of FreeSurfer, no surface"
+    if _MNI.match(head):
+        return "a surface of MNI, as CIVET writes it (convert it with AFNI: ConvertSurface -i_mni FILE -o_gii GII)"
+    if _NUMBERS.match(head):
+        return "plain numbers, no surface"
     return "an annotation of FreeSurfer, no surface" if freesurfer.is_annotation(head, size) else ""
+
+
+def _plain(path: Path) -> NDArray[Any]:
+    """Numbers of a text, one a line: (n,); whole numbers without a point are labels, int32.
+
+    Raises
+    ------
+    InputError : a line holds no number, or several
+    """
+    lines = content(path).decode("utf-8", "replace").rstrip().splitlines()
+    try:
+        values = np.array(lines, float)
+    except ValueError as error:
+        raise InputError(f"not one number a line: {error}", file=path, remedy="give one number a line") from None
+    whole = all(re.fullmatch(r"\s*[-+]?\d+\s*", line) for line in lines)
+    return in_32_bits(values.astype(np.int64), "labels", path) if whole else values
 
 
 def _always_finite(read: Callable[[Path], TriSurface]) -> Callable[..., TriSurface]:

@@ -26,8 +26,8 @@ from cortet.meshes import CoordinateFrame, TriSurface
 
 logger = logging.getLogger(__name__)
 
-#: first bytes of a file of triangles, and of a file of values
-SURFACE, VALUES = b"\xff\xff\xfe", b"\xff\xff\xff"
+#: first bytes of a file of triangles, of quadrangles, and of values or quadrangles with rounded coordinates
+TRIANGLES, QUADRANGLES, VALUES = b"\xff\xff\xfe", b"\xff\xff\xfd", b"\xff\xff\xff"
 _REMEDY = "run recon-all again, or export it as GIfTI (mris_convert)"
 #: annotations: key of unlabelled vertices, most labels, and most characters of a name
 _NONE, _MOST_LABELS, _LONGEST_NAME = -1, 100_000, 10_000
@@ -42,8 +42,21 @@ class Annotation(NamedTuple):
     names: dict[int, str]
 
 
+def is_surface(head: bytes, size: int) -> bool:
+    """Whether a file of `size` bytes that begins with `head` is a surface."""
+    if head.startswith(VALUES):
+        vertices, quadrangles = (int.from_bytes(head[begin : begin + 3], "big") for begin in (3, 6))
+        return size == 9 + 6 * vertices + 12 * quadrangles
+    return head.startswith((TRIANGLES, QUADRANGLES))
+
+
+def is_values(head: bytes, size: int) -> bool:
+    """Whether a file of `size` bytes that begins with `head` is a file of values."""
+    return head.startswith(VALUES) and not is_surface(head, size)
+
+
 def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
-    """Read a triangulated surface; if `finite` is false, its coordinates need not be finite.
+    """Read a surface, of quadrangles two triangles each; if `finite` is false, its coordinates need not be finite.
 
     Raises
     ------

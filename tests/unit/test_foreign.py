@@ -144,6 +144,38 @@ def test_a_damaged_surface_is_refused(tmp_path: Path, content: bytes, words: str
         read_surface(saved(tmp_path, "x", content))
 
 
+@pytest.mark.parametrize("magic", [b"\xff\xff\xff", b"\xff\xff\xfd"])
+def test_a_surface_of_quadrangles_is_read(tmp_path: Path, magic: bytes) -> None:
+    """A cube of 20 mm; the first of the two magic numbers is also that of files of values."""
+    corners = 20.0 * np.indices((2, 2, 2)).reshape(3, -1).T
+    faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    stored = (100 * corners).astype(">i2") if magic == b"\xff\xff\xff" else corners.astype(">f4")
+    indices = b"".join(int(corner).to_bytes(3, "big") for face in faces for corner in face)
+    content = magic + (8).to_bytes(3, "big") + (6).to_bytes(3, "big") + stored.tobytes() + indices
+    surface = read_surface(saved(tmp_path, "lh.orig", content))
+    assert surface_topology(surface.faces).problems() == []
+    assert enclosed_volume(surface.points, surface.faces) == pytest.approx(8000)
+    with pytest.raises(InputError, match=r"lh.cut: "):
+        read_surface(saved(tmp_path, "lh.cut", content[:-5]))
+    with pytest.raises(InputError, match="a FreeSurfer surface"):
+        read_fields(tmp_path / "lh.orig")
+
+
+def test_plain_numbers_are_fields(tmp_path: Path) -> None:
+    """As CIVET writes them: thickness, and numbers of parcels."""
+    values = np.linspace(1, 3, 162)
+    thick = saved(tmp_path, "thick.txt", "".join(f" {value:.6f}\n" for value in values).encode())
+    parcels = saved(tmp_path, "AAL.txt", b"\r\n".join(b"%d" % (place % 3) for place in range(162)))
+    both = with_fields(BALL, {"t": thick, "p": parcels}).point_data
+    assert both["t"] == pytest.approx(values, abs=1e-6)
+    assert both["p"].dtype == np.int32 and both["p"][:4].tolist() == [0, 1, 2, 0]
+    assert read_label_names(parcels) == {}
+    with pytest.raises(InputError, match="plain numbers, no surface"):
+        read_surface(thick)
+    with pytest.raises(InputError, match="not one number a line"):
+        read_fields(saved(tmp_path, "two.txt", b"1.0\n1.0 2.0\n"))
+
+
 def test_values_and_labels_of_freesurfer_are_fields(tmp_path: Path) -> None:
     values, labels = np.linspace(1, 3, 162), np.arange(162) % 3
     freesurfer.write_morph_data(str(tmp_path / "lh.thickness"), values)
@@ -198,7 +230,7 @@ def test_a_damaged_file_of_freesurfer_is_refused(tmp_path: Path, name: str) -> N
         (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "a pointer of Git LFS, not the file"),
         (b"<!DOCTYPE html><html><body>404</body>", "a web page, not the file"),
         (b"# vtk DataFile Version 3.0\n", "a VTK file"),
-        (b"\xff\xff\xfd" + bytes(50), "a FreeSurfer surface of quadrangles"),
+        (b"P 0.3 0.3 0.4 10 1 4\n 0 0 0\n 1 0 0\n", "a surface of MNI.*ConvertSurface"),
         (
             b"\xff\xff\xff\x00\x00\x00\x01\x00\x00\x00\x00\x00\x00\x00\x01" + bytes(4),
             "values of FreeSurfer, no surface",
