@@ -53,8 +53,26 @@ _REMEDY = (
     "name it in cohort.scan.age_columns"
 )
 
-#: rows of a table, column -> value, by the participant's label
-_RowsByParticipant = dict[str, list[dict[str, str]]]
+#: most rows that a remark names
+_MOST_ROWS = 5
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A row of a table."""
+
+    line: int
+    #: column -> value
+    cells: Mapping[str, str]
+
+    def is_of(self, session: Session) -> bool:
+        """Whether the row is about a session, or about its participant."""
+        given = zip(("participant_id", "session_id"), session, strict=True)
+        return all(_label(self.cells[key]) == value for key, value in given if value and key in self.cells)
+
+
+#: rows of a table by the participant's label
+_RowsByParticipant = dict[str, list[_Row]]
 
 
 @dataclass(frozen=True)
@@ -120,6 +138,7 @@ def ages_at_scan(
     described: dict[Path, Mapping[str, object]] = {}
     found: dict[Session, float] = {}
     readings: list[_Reading] = []
+    sessions = list(sessions)
     for session in sessions:
         for table, path in tables[session]:
             if path not in read:
@@ -130,7 +149,38 @@ def ages_at_scan(
             if reading and reading.weeks is not None:
                 found[session] = reading.weeks
                 break
-    return found, _in_words(readings)
+    return found, _in_words(readings) + _of_nobody(sessions, tables, read)
+
+
+def _of_nobody(
+    sessions: Sequence[Session],
+    tables: Mapping[Session, Sequence[tuple[str, Path]]],
+    read: Mapping[Path, _RowsByParticipant],
+) -> list[str]:
+    """Rows that are about no session, of the tables of sessions that have no row, in words."""
+    told: dict[str, None] = {}
+    for lacking in sessions:
+        names = {path: table for table, path in tables[lacking] if read.get(path)}
+        if any(_rows_of(lacking, read[path]) for path in names):
+            continue
+        for path, table in names.items():
+            mine = [session for session in sessions if path in dict(tables[session]).values()]
+            matched = {row.line for session in mine for row in _rows_of(session, read[path])}
+            rows = [row for some in read[path].values() for row in some if row.line not in matched]
+            if rows:
+                shown = [f"line {row.line}, {' '.join(row.cells.values())!r}" for row in rows[:_MOST_ROWS]]
+                more = [f"and {len(rows) - _MOST_ROWS} more"] * (len(rows) > _MOST_ROWS)
+                told[
+                    f"{table}: {len(rows)} of its rows match no surface ({'; '.join(shown + more)}), and none is of "
+                    f"{_named(lacking)} (separate values by tabs; participant_id is the label of the folder, sub-..., "
+                    "session_id that of the session)"
+                ] = None
+    return list(told)
+
+
+def _rows_of(session: Session, rows: _RowsByParticipant) -> list[_Row]:
+    """The rows of a table that are about a session."""
+    return [row for row in rows.get(session[0], []) + rows.get("", []) if row.is_of(session)]
 
 
 def _reading(
@@ -143,13 +193,8 @@ def _reading(
     named: bool,
 ) -> _Reading | None:
     """What a table says of the age of a session; None if it says nothing."""
-    participant, label = session
-    keys = {"participant_id": participant, "session_id": label}
-    known = [
-        row
-        for row in rows.get(participant, []) + rows.get("", [])
-        if all(_label(row[key]) == value for key, value in keys.items() if value and key in row)
-    ]
+    known = [row.cells for row in _rows_of(session, rows)]
+    label = session[1]
     if label is None and len({row.get("session_id") for row in known}) > 1:
         return None  # the name of the surface does not say which session it is from
     given = [(name, row) for row in known if (name := next((one for one in columns if one in row), None))]
@@ -297,9 +342,12 @@ def _rows_by_participant(path: Path, columns: Sequence[str]) -> _RowsByParticipa
 
     Raises
     ------
-    InputError : as `read_uneven_tsv`; or the table has one of these columns twice
+    InputError : as `read_uneven_tsv`; the table has one of these columns twice, or values that no tabs separate
     """
     table, _ = read_uneven_tsv(path)
+    if len(table.columns) == 1 and (other := re.search(r"[;,]|\s+", table.columns[0])):
+        what = f"line 1: {table.columns[0]!r} is one column: {other[0]!r} separates its values, not a tab"
+        raise InputError(what, file=path, remedy="separate values by tabs")
     wanted = {name.lower(): name for name in (*columns, "participant_id", "session_id")}
     names = [wanted.get(name.lower(), name) for name in table.columns]
     for name in wanted.values():
@@ -308,8 +356,9 @@ def _rows_by_participant(path: Path, columns: Sequence[str]) -> _RowsByParticipa
                 f"line 1: {names.count(name)} columns are called {name}", file=path, remedy="keep one of them"
             )
     found: _RowsByParticipant = {}
-    for row in table.set_axis(names, axis="columns").to_dict("records"):
-        found.setdefault(_label(row.get("participant_id", "")), []).append(row)
+    rows = table.set_axis(names, axis="columns").to_dict("records")
+    for line, cells in zip(table.index, rows, strict=True):
+        found.setdefault(_label(cells.get("participant_id", "")), []).append(_Row(line, cells))
     return found
 
 

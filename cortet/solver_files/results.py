@@ -26,8 +26,6 @@ from cortet.meshes import IntArray, TetMesh
 from cortet.solver_files.fields import Q, with_q
 from cortet.solver_files.surface_map import Depth, SurfaceMap
 
-#: units that the coordinates of a result may have -> mm
-_UNITS = {**UNITS, "cm": 10.0}
 #: largest difference of the ratio of two extents from that of two units
 _SAME_EXTENT = 1e-3
 #: rounding of coordinates in files, over the extent of the mesh
@@ -113,11 +111,11 @@ def in_order(result: TetMesh, mesh: TetMesh, *, file: Path, mesh_file: Path) -> 
     points = result.points[used]
     extent, own = (float(np.linalg.norm(np.ptp(one, axis=0))) for one in (mesh.points, points))
     ratio = extent / max(own, 1e-300)
-    unit = next((name for name, mm in _UNITS.items() if abs(ratio / mm - 1) < _SAME_EXTENT), None)
+    unit = next((name for name, mm in UNITS.items() if abs(ratio / mm - 1) < _SAME_EXTENT), None)
     if unit is None:
         raise _of_another(f"is {own / extent:.4g} times as large as {mesh_file.name}", file)
     told = [] if unit == "mm" else [f"its coordinates are in {unit}; values stay as they are"]
-    points = points * _UNITS[unit]
+    points = points * UNITS[unit]
     ends = mesh.points[edges(mesh.cells)]
     most = _SAME_NODE * float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).min())
     place = np.arange(len(used))

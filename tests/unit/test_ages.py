@@ -205,6 +205,26 @@ def test_sessions_that_share_the_age_of_their_participant_are_named(tmp_path: Pa
     )
 
 
+@pytest.mark.parametrize("separator", [";", ",", " ", "   "])
+def test_a_table_that_no_tabs_separate_is_refused_with_its_separator(tmp_path: Path, separator: str) -> None:
+    folder = dataset(tmp_path, "scan_age", {"01": "28"})
+    (folder / "participants.tsv").write_text(f"participant_id{separator}scan_age\nsub-01{separator}28\n")
+    with pytest.raises(InputError, match=rf"participants.tsv: line 1: .*'{separator}' separates"):
+        ages(folder)
+
+
+def test_rows_that_match_nobody_are_counted_and_named(tmp_path: Path) -> None:
+    folder = dataset(tmp_path, "scan_age", {"01": "28", "02": "29", "03": "30"})
+    assert "match no surface" not in ages(folder)[1]
+    text = "participant_id\tscan_age\nsub-01_ses-1mo\t28\n02\t29\nsub-03 30\nsub-99\t31\n"
+    (folder / "participants.tsv").write_text(text)
+    found, said = ages(folder)
+    assert found == [None, 29.0, None]
+    assert "participants.tsv: 3 of its rows match no surface (line 2, 'sub-01_ses-1mo 28'; line 4, 'sub-03 30" in said
+    (folder / "participants.tsv").write_text(text.replace("_ses-1mo", "").replace("03 ", "03\t"))
+    assert "match no surface" not in ages(folder)[1], "a row of somebody without a surface is nothing strange"
+
+
 def test_a_sidecar_that_is_none_is_refused(tmp_path: Path) -> None:
     folder = dataset(tmp_path, "age", {"a": "28"})
     for text, words in (("{", "is not JSON"), ("[1]", "holds no keys")):
