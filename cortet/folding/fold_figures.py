@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -35,7 +36,7 @@ from cortet.folding.fold_views import (
     simulated_brain,
     view,
 )
-from cortet.folding.journal import SERIES, TABLE
+from cortet.folding.journal import SERIES, TABLE, VERDICT
 from cortet.folding.measures import MEASURES
 from cortet.formats.atomic import atomic_path
 from cortet.formats.gifti import hemisphere_of, read_fields, read_surface
@@ -45,13 +46,13 @@ from cortet.report.colours import BLUE, VERMILION
 from cortet.report.figures import PAGE, STYLE, drawn, letter, save
 from cortet.report.surface_maps import usual_range
 
-VERSION: int = 5
+VERSION: int = 6
 
 #: files that `draw` adds to the folder of a run
 NUMBERS, PICTURE, FILM = "folding.svg", "folded.png", "folding.gif"
 
-#: weeks between two brains in the picture, and most weeks between a frame and the real brain beside it
-_EVERY, _ALIKE = 4.0, 0.5
+#: candidate weeks between two brains in the picture, best first; most between a frame and the real brain beside it
+_EVERY, _ALIKE = (4, 3, 5, 2, 6), 0.5
 #: pixels of the film, its margin, and its frames per second
 _VIEW, _MARGIN, _RATE = (800, 640), 1.05, 5
 #: column that is drawn against age -> label of its panel, row by row; the last of each row is drawn small
@@ -106,7 +107,9 @@ def draw(
         rows, colours = mapped(frames, maps, measure)
     else:
         rows, colours = rows_of(frames, hemisphere, real or {}), FOLDS
-    save(sheet(rows, hemisphere, colours), folder / PICTURE)
+    verdict = folder / VERDICT
+    doubts = json.loads(verdict.read_text(encoding="utf-8"))["warnings"] if verdict.exists() else []
+    save(sheet(rows, hemisphere, colours, doubts), folder / PICTURE)
     film(frames, hemisphere, folder / FILM)
     return [folder / name for name in (NUMBERS, PICTURE, FILM)]
 
@@ -198,7 +201,7 @@ def real_points(axis: Axes, column: str, hemisphere: str | None) -> None:
 
 
 def rows_of(frames: list[tuple[Path, float]], hemisphere: str | None, real: Mapping[float, Path]) -> list[Row]:
-    """The first brain, one every four weeks, the last, and those with a real brain of their age.
+    """Brains in even steps from the first to the last, and those with a real brain of their age.
 
     Parameters
     ----------
@@ -245,8 +248,11 @@ def mapped(
 
 
 def _every(ages: list[float]) -> list[int]:
-    """Numbers of the frames nearest to every fourth week from the first, and of the last."""
-    wanted = [*np.arange(ages[0], ages[-1], _EVERY), ages[-1]]
+    """Numbers of the frames in even steps of about four weeks, whole ones if they fit, from the first to the last."""
+    span = ages[-1] - ages[0]
+    whole = next((step for step in _EVERY if span > step and np.isclose(span % step, 0)), None)
+    steps = round(span / whole) if whole else max(round(span / _EVERY[0]), 1)
+    wanted = np.linspace(ages[0], ages[-1], steps + 1)
     return sorted({int(np.abs(np.array(ages) - age).argmin()) for age in wanted})
 
 

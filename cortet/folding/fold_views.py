@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -22,6 +23,7 @@ from cortet.formats.gifti import read_surface
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.geometry.topology import boundary_surface
 from cortet.meshes import FloatArray, TriSurface
+from cortet.report.colours import VERMILION
 from cortet.report.figures import PAGE, STYLE
 from cortet.report.render import off_screen
 
@@ -36,6 +38,8 @@ _WALL_MEANS = "medial wall: the cut towards the other half, no cortex"
 _LEFT, _TOP, _BOTTOM, _ROW_GAP, _GAP, _TALLEST = 0.62, 0.46, 0.62, 0.2, 0.1, 9.5
 #: left end of the legend for grey, inches from the left
 _LEGEND = 2.1
+#: letters in a line of a warning, and inches of a line
+_LETTERS, _LINE = 115, 0.12
 #: pixels of a view per inch of the sheet, twice those of the file
 _PIXELS = 600
 #: lengths that a scale bar may have, mm
@@ -207,14 +211,15 @@ def draw_bar(axis: Axes, place: tuple[float, float], per_mm: float, mm: int) -> 
     )
 
 
-def sheet(rows: Sequence[Row], hemisphere: str | None, colours: Colours = FOLDS) -> Figure:
+def sheet(rows: Sequence[Row], hemisphere: str | None, colours: Colours = FOLDS, doubts: Sequence[str] = ()) -> Figure:
     """Brains of some ages, one below the other, from three sides, and real ones beside them, all at one scale.
 
     Parameters
     ----------
     hemisphere : "L" or "R"; None: whole brains
+    doubts : sentences, written below the brains
     """
-    seen = sides(hemisphere)
+    seen, said = sides(hemisphere), [line for doubt in doubts for line in textwrap.wrap(f"Warning: {doubt}", _LETTERS)]
     pairs = [[row.simulated, row.real] if any(one.real for one in rows) else [row.simulated] for row in rows]
     sizes = np.array(
         [[extent(brain, side) if brain else (0.0, 0.0) for brain in pair for side in seen] for pair in pairs]
@@ -225,7 +230,7 @@ def sheet(rows: Sequence[Row], hemisphere: str | None, colours: Colours = FOLDS)
         (_TALLEST - _TOP - _BOTTOM - len(rows) * _ROW_GAP) / heights.sum(),
     )  # inches per mm
     lefts = _LEFT + np.cumsum([0, *(widths[:-1] * scale + _GAP)])
-    full = _TOP + _BOTTOM + heights.sum() * scale + len(rows) * _ROW_GAP
+    full = _TOP + _BOTTOM + heights.sum() * scale + len(rows) * _ROW_GAP + len(said) * _LINE
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(PAGE, full))
         axis = figure.add_axes((0, 0, 1, 1))
@@ -243,7 +248,8 @@ def sheet(rows: Sequence[Row], hemisphere: str | None, colours: Colours = FOLDS)
                     _put(axis, brain, side, (across, middle), scale, colours)
             top -= height
         wall = any(np.isnan(one.curvature).any() for pair in pairs for one in pair if one)
-        _foot(figure, axis, scale, colours, wall=wall)
+        _foot(figure, axis, scale, colours, wall=wall, base=len(said) * _LINE)
+        axis.text(_LEFT, 0.05, "\n".join(said), va="bottom", color=VERMILION, linespacing=1)
         axis.set(xlim=(0, PAGE), ylim=(0, full), aspect="equal")
         axis.set_axis_off()
     return figure
@@ -272,16 +278,16 @@ def _head(axis: Axes, seen: Sequence[Side], lefts: FloatArray, widths: FloatArra
         axis.plot(ends, [full - 0.2] * 2, color="black", linewidth=0.6)
 
 
-def _foot(figure: Figure, axis: Axes, scale: float, colours: Colours, *, wall: bool) -> None:
-    """Draw the legend below the brains: the scale bar, the meaning of grey, and the colour scale."""
+def _foot(figure: Figure, axis: Axes, scale: float, colours: Colours, *, wall: bool, base: float) -> None:
+    """Draw the legend below the brains, `base` inches up: scale bar, meaning of grey, and colour scale."""
     mm = bar_length(PAGE / scale)
-    draw_bar(axis, (_LEFT + 0.1, 0.26), scale, mm)
-    axis.text(_LEFT + 0.2 + mm * scale, 0.26, "at all ages", va="center")
+    draw_bar(axis, (_LEFT + 0.1, base + 0.26), scale, mm)
+    axis.text(_LEFT + 0.2 + mm * scale, base + 0.26, "at all ages", va="center")
     if wall:
         handles = [Patch(color=WALL_COLOUR, label=colours.grey)]
-        place = (_LEGEND / PAGE, 0.26 / figure.get_figheight())
+        place = (_LEGEND / PAGE, (base + 0.26) / figure.get_figheight())
         figure.legend(handles=handles, loc="center left", bbox_to_anchor=place, borderaxespad=0)
-    strip = figure.add_axes((0.7, 0.34 / figure.get_figheight(), 0.26, 0.07 / figure.get_figheight()))
+    strip = figure.add_axes((0.7, (base + 0.34) / figure.get_figheight(), 0.26, 0.07 / figure.get_figheight()))
     values = mpl.cm.ScalarMappable(mpl.colors.Normalize(*colours.span), colours.name)
     bar = figure.colorbar(values, cax=strip, orientation="horizontal", extend="both")
     bar.set_label(colours.label, labelpad=1)

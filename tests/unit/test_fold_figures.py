@@ -147,13 +147,14 @@ def rows(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., list[
     return of
 
 
-def test_there_is_a_row_every_four_weeks_and_for_every_real_brain(
+def test_rows_are_in_even_steps_with_one_for_every_real_brain(
     rows: Callable[..., list[tuple[float, str]]], caplog: pytest.LogCaptureFixture
 ) -> None:
-    weekly = [float(age) for age in range(22, 36)]
-    assert rows(weekly, []) == [(22, ""), (26, ""), (30, ""), (34, ""), (35, "")]
-    assert rows(weekly, [26.2, 28.4]) == [
-        (22, ""), (26, "real26.2, 26.2 weeks"), (28, "real28.4, 28.4 weeks"), (30, ""), (34, ""), (35, ""),
+    weekly = [float(age) for age in range(22, 41)]
+    assert [age for age, _ in rows(weekly, [])] == [22, 25, 28, 31, 34, 37, 40]
+    assert [age for age, _ in rows(weekly[:13], [])] == [22, 26, 30, 34]
+    assert rows(weekly[:9], [26.2, 28.4]) == [
+        (22, ""), (26, "real26.2, 26.2 weeks"), (28, "real28.4, 28.4 weeks"), (30, ""),
     ]  # fmt: skip
     assert not caplog.messages
 

@@ -91,6 +91,11 @@ def test_all_brains_of_a_sheet_and_its_bar_have_one_scale() -> None:
     assert axis.images[3].get_extent()[3] < axis.images[0].get_extent()[2]
 
 
+def test_a_sheet_says_what_is_doubtful() -> None:
+    figure = sheet([Row(22.0, box((10.0, 30.0, 20.0)))], "L", doubts=["the cells are 2 mm"])
+    assert "Warning: the cells are 2 mm" in [text.get_text() for text in figure.axes[0].texts]
+
+
 def test_a_sheet_without_walls_and_real_brains_says_nothing_of_them() -> None:
     ball = ball_surface(3)
     figure = sheet([Row(22.0, brain_of(ball, np.zeros(len(ball.points), bool)))], None)
