@@ -6,6 +6,7 @@ and calls Snakemake there.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
@@ -15,6 +16,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Literal
+from urllib.parse import unquote
 
 import yaml
 
@@ -22,7 +24,7 @@ from cortet.cohort.bids import DESCRIPTION, is_own_output, require_own_output
 from cortet.cohort.lock import HELD_BY, hold
 from cortet.cohort.scan import scan
 from cortet.cohort.sheet import Case, write_sheet
-from cortet.config import load
+from cortet.config import load, read
 from cortet.errors import InputError
 from cortet.formats import child
 from cortet.formats.atomic import atomic_path
@@ -177,9 +179,20 @@ def source_notice(output: Path, dataset: Path) -> list[str]:
     """That the output folder holds meshes of another dataset, in words, or nothing."""
     links = json_of(output / DESCRIPTION).get("DatasetLinks")
     raw = links.get("raw") if isinstance(links, dict) else None
-    if not isinstance(raw, str) or (output / raw).resolve() == dataset.resolve():
+    if not isinstance(raw, str):
         return []
-    return [f"{output} holds meshes of {(output / raw).resolve()}: cases of the same name are made again, of {dataset}"]
+    made_of = (output / unquote(raw)).resolve()
+    if dataset.resolve() in (made_of, _recorded_dataset(output)):
+        return []
+    return [f"{output} holds meshes of {made_of}: cases of the same name are made again, of {dataset}"]
+
+
+def _recorded_dataset(output: Path) -> Path | None:
+    """The dataset of the last run, by its configuration: the link is relative, and the output may have been moved."""
+    file = work_folder(output) / "config.yaml"
+    with contextlib.suppress(InputError, LookupError, TypeError):
+        return Path(str(read(file)["cohort"]["dataset"])) if file.is_file() else None
+    return None
 
 
 def prepare(cases: Sequence[Case], dataset: Path, output: Path, work: Path, settings: Mapping[str, Any]) -> None:

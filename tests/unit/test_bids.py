@@ -97,6 +97,23 @@ def test_an_output_folder_that_holds_meshes_of_another_dataset_says_so(places: P
     assert str(places.raw) in said and "cases of the same name are made again" in said
 
 
+@pytest.mark.parametrize("name", ["my data", "Köln", "bids (1)", "50%", "a#b", "x%20y"])
+def test_a_dataset_of_any_name_is_known_again(tmp_path: Path, name: str) -> None:
+    places = Places(tmp_path / name / "derivatives/cortet", tmp_path / name)
+    described(places, places.raw / "sub-01_wm.surf.gii")
+    assert source_notice(places.output, places.raw) == []
+
+
+def test_an_output_folder_may_move_within_its_dataset(places: Places) -> None:
+    inside = Places(places.raw / "derivatives/cortet", places.raw)
+    described(inside, places.raw / "sub-01_wm.surf.gii")
+    (inside.output / "work").mkdir()
+    (inside.output / "work/config.yaml").write_text(f"cohort: {{dataset: {places.raw}}}\n")
+    moved = inside.output.rename(places.raw / "meshes")
+    assert source_notice(moved, places.raw) == []
+    assert source_notice(moved, places.raw.with_name("other"))
+
+
 def test_the_page_of_an_earlier_group_is_not_that_of_participants(tmp_path: Path) -> None:
     (tmp_path / "cohort").mkdir()
     (tmp_path / "cohort/index.html").touch()
