@@ -55,7 +55,7 @@ def test_unit_and_affine_are_those_of_the_row(tmp_path: Path) -> None:
     assert (first.unit, first.affine, second.unit, second.affine) == ("m", None, None, tmp_path / "t2.nii.gz")
     write_sheet(cases, tmp_path / "again.tsv")
     assert read_sheet(tmp_path / "again.tsv") == cases
-    with pytest.raises(InputError, match=r"column unit: 'inch' is not a unit \(use mm, m, um\)"):
+    with pytest.raises(InputError, match="column unit: 'inch' is not a unit"):
         read_sheet(sheet(tmp_path, GOOD + "\tinch", extra="\tunit"))
 
 
@@ -428,6 +428,20 @@ def test_of_two_runs_that_with_both_surfaces_is_taken_where_both_are_asked_for(t
 def test_a_folder_without_white_surfaces_says_what_is_there(tmp_path: Path, file: str, words: str) -> None:
     with pytest.raises(InputError, match=words):
         scan(touched(tmp_path, file))
+
+
+@pytest.mark.parametrize(
+    ("file", "given"),
+    [
+        ("sub-01/anat/sub-01_hemi-L_white.surf.gii", "sub-01"),
+        ("sub-01/ses-1/anat/sub-01_ses-1_hemi-L_white.surf.gii", "sub-01/ses-1"),
+        ("bert/surf/lh.white", "bert"),
+    ],
+)
+def test_the_folder_of_a_subject_names_that_of_the_dataset(tmp_path: Path, file: str, given: str) -> None:
+    folder = touched(tmp_path / "study", file)
+    with pytest.raises(InputError, match=rf"{given}: .*folder of a subject.*name {folder}\)"):
+        scan(folder / given)
 
 
 def test_a_folder_of_links_whose_content_is_elsewhere_says_so(tmp_path: Path) -> None:
