@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.formats import freesurfer, obj, off, ply, stl
 from cortet.formats.numbering import in_32_bits
-from cortet.formats.untrusted import GZIP, content, safe_name
+from cortet.formats.untrusted import GZIP, content, numbers, safe_name
 from cortet.meshes import TriSurface
 
 #: number of bytes examined; an OBJ file may begin with comments
@@ -110,13 +110,15 @@ def _plain(path: Path) -> NDArray[Any]:
     ------
     InputError : a line holds no number, or several
     """
-    lines = content(path).decode("utf-8", "replace").rstrip().splitlines()
+    text = content(path).decode("utf-8", "replace").rstrip()
+    whole = re.fullmatch(r"[-+\d\s]+", text) is not None
     try:
-        values = np.array(lines, float)
+        values = numbers(text, np.dtype(np.int64 if whole else np.float64))
+        if len(values) != len(text.strip().splitlines()):
+            raise ValueError("some lines hold none or several")
     except ValueError as error:
-        raise InputError(f"not one number a line: {error}", file=path, remedy="give one number a line") from None
-    whole = all(re.fullmatch(r"\s*[-+]?\d+\s*", line) for line in lines)
-    return in_32_bits(values.astype(np.int64), "labels", path) if whole else values
+        raise InputError(f"is not one number a line: {error}", file=path, remedy="give one number a line") from None
+    return in_32_bits(values, "labels", path) if whole else values
 
 
 def _always_finite(read: Callable[[Path], TriSurface]) -> Callable[..., TriSurface]:
