@@ -19,14 +19,10 @@ from cortet.report.figures import PAGE, Q_AXIS, H, drawn, letter, save
 from cortet.report.records import read_certificate
 from cortet.report.render import BEYOND, COLOURS, RANGE, lateral_view
 
-VERSION: int = 6
+VERSION: int = 7
 
-#: hemisphere -> its name, and the side from which it is seen, in the order of the rows
-_HEMISPHERES: dict[str, tuple[str, Literal["L", "R"]]] = {
-    "L": ("left", "L"),
-    "R": ("right", "R"),
-    "n/a": ("whole brain", "L"),
-}
+#: hemisphere -> its name, in the order of the rows
+_HEMISPHERES = {"L": "left", "R": "right", "n/a": "whole brain"}
 #: white around the largest mesh, length of the scale bar in mm, and resolution of the pictures
 _MARGIN, _BAR, _DPI = 1.04, 20.0, 400
 #: least number of columns of a page
@@ -40,7 +36,7 @@ def series_figure(
     certified: Sequence[bool] | None = None,
     cell_size: float | None = None,
 ) -> Figure:
-    """Meshes by age: each hemisphere seen from its side, and the first one of each brain cut, with q in colour.
+    """Meshes by age: each hemisphere from its lateral side, and the first one of each brain cut, with q in colour.
 
     If a brain has more than one hemisphere, each has a row of its own.
 
@@ -64,28 +60,32 @@ def series_figure(
     size = (room * len(brains), room * half_height / half_width * (len(rows) + 1) + 0.75)
 
     def draw(axis: Axes, mesh: TetMesh, hemi: str, cut: bool) -> None:
+        side = _lateral_side(mesh, hemi)
         image = lateral_view(
             mesh,
-            side=_HEMISPHERES[hemi][1],
+            side=side,
             cut=cut,
             half_width=half_width,
             half_height=half_height,
             width=round(_DPI * room),
         )
         axis.imshow(image, extent=(0, 2 * half_width, 0, 2 * half_height), interpolation="antialiased")
+        if not cut:  # the cut below it has the same directions
+            place: dict[str, Any] = {"x": 0.02, "ha": "left"} if side == "L" else {"x": 0.98, "ha": "right"}
+            axis.text(y=0, s="anterior", va="bottom", fontsize="small", transform=axis.transAxes, **place)
 
     with drawn(*size) as figure:
         axes = figure.subplots(len(rows) + 1, len(brains), squeeze=False)
         for number, (column, (age, meshes), (first, *_)) in enumerate(zip(axes.T, brains, hemispheres, strict=True)):
             weeks = "age n/a" if age is None else f"{age:g} weeks"
             name = f"\n{names[number]}" if names else ""
-            column[0].set_title(weeks + ("" if several else f", {_HEMISPHERES[first][0]}") + name + marks[number])
+            column[0].set_title(weeks + ("" if several else f", {_HEMISPHERES[first]}") + name + marks[number])
             for axis, row in zip(column, [*rows, None], strict=True):
                 _bare(axis)
                 hemi = row or first
                 if hemi in meshes:
                     draw(axis, meshes[hemi], hemi, cut=axis is column[-1])
-        shown = [_HEMISPHERES[hemi][0] if hemi else "surface" for hemi in rows]
+        shown = [_HEMISPHERES[hemi] if hemi else "surface" for hemi in rows]
         for axis, what in zip(axes[:, 0], [*shown, "sagittal cut\nthrough the middle"], strict=True):
             axis.set_ylabel(what)
         letter(axes[:, 0])
@@ -96,6 +96,11 @@ def series_figure(
             )
         _colour_bar(figure, axes)
     return figure
+
+
+def _lateral_side(mesh: TetMesh, hemi: str) -> Literal["L", "R"]:
+    """The side of the head from which a hemisphere shows its lateral side; if it is not named, x tells."""
+    return "R" if hemi == "R" or (hemi != "L" and mesh.points[:, 0].min() >= 0) else "L"
 
 
 def draw_series(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from shapes import ball_mesh
 
 from cortet.formats import vtu
 from cortet.meshes import TetMesh
-from cortet.paper.series import draw_series, series_figure
+from cortet.paper.series import _lateral_side, draw_series, series_figure
 from cortet.report.render import lateral_view
 
 
@@ -110,3 +111,12 @@ def test_names_stand_at_one_height_beside_a_brain_that_is_not_certified() -> Non
     figure = series_figure(brains, names=["sub-a", "sub-b"], certified=[True, False])
     titles = [axis.get_title() for axis in figure.axes[:2]]
     assert titles == ["22 weeks, left\nsub-a\n", "30 weeks, left\nsub-b\nnot certified"]
+
+
+def test_a_hemisphere_shows_its_lateral_side() -> None:
+    right = ball_mesh(radius=10.0)
+    right = replace(right, points=right.points + np.array([12.0, 0, 0]))
+    assert [_lateral_side(right, hemi) for hemi in ("L", "R", "n/a")] == ["L", "R", "R"]
+    assert _lateral_side(ball_mesh(radius=10.0), "n/a") == "L"  # a whole brain
+    figure = series_figure([(22.0, {"R": right}), (24.0, {"L": right})])
+    assert [axis.texts[0].get_ha() for axis in figure.axes[:2]] == ["right", "left"]
