@@ -11,6 +11,7 @@ import sys
 from cortet.cohort.app import outcome, workflow as of_workflow
 from cortet.cohort.failures import with_failures
 from cortet.cohort.lock import HELD_BY, hold, is_held_by_parent
+from cortet.cohort.outdated import set_aside
 from cortet.cohort.saved_jobs import debug_command, saved_path
 from cortet.report.over_all import end_run, remember_run
 
@@ -32,6 +33,8 @@ onstart:
             HELD.append(hold(CONFIG.output))
     except CortetError as error:
         raise WorkflowError(str(error)) from None
+    for moved in set_aside(PLAN):
+        logger.warning(moved)
     remember_run(PLAN, config, ASKED, FINGERPRINTS)
     for neighbour in neighbours():
         for notice in neighbour.before(PLAN, ASKED):
@@ -41,7 +44,7 @@ onstart:
 def say_what_became_of_it():
     """Say it as `cortet run` does, which says it itself."""
     if not is_held_by_parent():
-        logger.warning(outcome(Path(CONFIG.output), CASES.values(), page="cohort_page" in ASKED))
+        logger.warning(outcome(with_failures(PLAN), page="cohort_page" in ASKED))
 
 
 onsuccess:
@@ -58,5 +61,7 @@ onerror:
         if (log := failure.get("log")) and saved_path(Path(log)).exists():
             runner = FOLDER / "scripts/_job.py"
             logger.error(f"{case}: to run it again in a debugger: {debug_command(Path(log), runner)}")
+    for moved in set_aside(with_failures(PLAN)):
+        logger.error(moved)
     report_what_is_there("failure")
     say_what_became_of_it()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -170,9 +171,10 @@ def run(
     cortet run bids derivatives/cortet --participant-label 01 02 --formats vtu,inp
     """
     from cortet.cohort import app
+    from cortet.cohort.failures import with_failures
     from cortet.cohort.receipts import run_record
     from cortet.config import read
-    from cortet.report.over_all import aggregate
+    from cortet.report.over_all import aggregate, plan_of
 
     asked: Sequence[str] = levels or list(app.LEVELS)
     settings, alone = configured.settings(), set(asked) == {"group"}
@@ -194,16 +196,20 @@ def run(
         print(f"  {notice}", flush=True)
     with app.lock(bids_dir, output_dir):
         work = work_dir or app.work_folder(output_dir)
-        app.prepare(cases, bids_dir, output_dir, work, settings)
-        code, most = 0, cores or os.cpu_count() or 1
+        app.prepare(cases, bids_dir, output_dir, work, settings, selected=not selection.is_all)
+        code, most, names = 0, cores or os.cpu_count() or 1, frozenset(case.name for case in cases)
+        plan = plan_of(read(work / "config.yaml"))
         if not alone:
-            code = app.snakemake(work, asked, cores=most, profile=profile, dry_run=dry_run, verbose=common.verbose)
-        else:
+            of_cases = replace(plan, chosen=names).files_of_cases()
+            targets = [app.LEVELS[level] for level in asked] if selection.is_all else ["dataset_description", *of_cases]
+            code = app.snakemake(work, targets, cores=most, profile=profile, dry_run=dry_run, verbose=common.verbose)
+        if "group" in asked and (alone or not selection.is_all):
             aggregate(read(work / "config.yaml"), output_dir.absolute(), dry_run=dry_run)
-    if alone and (without := app.without_mesh(output_dir, cases)):
+        plan = with_failures(plan)
+    if alone and (without := [name for name, state in app.states_of(plan, names).items() if state == "unfinished"]):
         print(f"no mesh yet: {', '.join(without)} (the level participant makes them)")
     if not dry_run:
-        print(app.outcome(output_dir, cases, page="group" in asked))
+        print(app.outcome(plan, page="group" in asked, names=names))
     return int(code != 0)
 
 

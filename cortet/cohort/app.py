@@ -7,7 +7,6 @@ and calls Snakemake there.
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import re
 import subprocess
@@ -21,15 +20,20 @@ from urllib.parse import unquote
 import yaml
 
 from cortet.cohort.bids import DESCRIPTION, is_own_output, require_own_output
+from cortet.cohort.layout import EXPORTED
 from cortet.cohort.lock import HELD_BY, hold
+from cortet.cohort.plan import Plan
 from cortet.cohort.scan import scan
-from cortet.cohort.sheet import Case, write_sheet
+from cortet.cohort.sheet import Case, read_sheet, write_sheet
+from cortet.cohort.status import status_rows
 from cortet.config import load, read
 from cortet.errors import InputError
 from cortet.formats import child
 from cortet.formats.atomic import atomic_path
 from cortet.formats.ownership import MARKER, json_of, mark
 
+#: state of a case -> how a run counts it; the worst last
+_IN_WORDS = {"certified": "certified", "uncertified": "not certified", "unfinished": "unfinished", "failed": "failed"}
 #: level of analysis in a BIDS App -> target rule
 LEVELS = {"participant": "participants", "group": "cohort"}
 #: folder of Snakemake's own files, below the output folder
@@ -43,6 +47,10 @@ _PROFILE = "for setting default command line arguments"
 _SNAKEFILE = '''"""The workflow of cortet. `snakemake --cores 2` makes everything that config.yaml asks for."""
 
 from cortet.cohort.app import workflow as installed
+
+
+# names of files in config.yaml are relative to this folder, from wherever snakemake is started
+workdir: workflow.basedir
 
 
 include: installed() / "Snakefile"
@@ -80,6 +88,11 @@ class Selection:
     #: with or without `ses-`
     sessions: Sequence[str] = ()
     hemi: Literal["L", "R"] | None = None
+
+    @property
+    def is_all(self) -> bool:
+        """Whether every hemisphere is meshed."""
+        return not (self.participants or self.sessions or self.hemi)
 
     def of(self, cases: Sequence[Case], dataset: Path) -> list[Case]:
         """The cases that are selected.
@@ -129,11 +142,11 @@ def write_workflow(folder: Path) -> list[Path]:
     """
     if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
         raise InputError("is not empty", file=folder, remedy="name an empty or a new folder")
-    profile = Path("profiles/default/profile.v9+.yaml")
+    profiles = (Path("profiles/default/profile.v9+.yaml"), Path("profiles/slurm/config.yaml"))
     texts = {
         Path("Snakefile"): _SNAKEFILE,
         Path("config.yaml"): _CONFIG,
-        profile: (workflow() / profile).read_text(encoding="utf-8"),
+        **{profile: (workflow() / profile).read_text(encoding="utf-8") for profile in profiles},
     }
     for file, text in texts.items():
         (folder / file).parent.mkdir(parents=True, exist_ok=True)
@@ -195,8 +208,20 @@ def _recorded_dataset(output: Path) -> Path | None:
     return None
 
 
-def prepare(cases: Sequence[Case], dataset: Path, output: Path, work: Path, settings: Mapping[str, Any]) -> None:
+def prepare(
+    cases: Sequence[Case],
+    dataset: Path,
+    output: Path,
+    work: Path,
+    settings: Mapping[str, Any],
+    *,
+    selected: bool = False,
+) -> None:
     """Write the cohort sheet and the configuration of a run; the caller holds its lock.
+
+    Parameters
+    ----------
+    selected : whether these are some of the cases of the dataset; the sheet then keeps the others that it has
 
     Raises
     ------
@@ -212,6 +237,10 @@ def prepare(cases: Sequence[Case], dataset: Path, output: Path, work: Path, sett
     }
     load(data)
     _claim(work, output, (sheet, file))
+    if selected and sheet.is_file() and file.is_file():
+        earlier = read(file).get("cohort", {}).get("dataset")
+        known = read_sheet(sheet) if earlier == data["cohort"]["dataset"] else []
+        cases = sorted({case.name: case for case in (*known, *cases)}.values(), key=lambda case: case.name)
     with atomic_path(file) as temporary:
         temporary.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
     write_sheet(cases, sheet)
@@ -230,7 +259,7 @@ def _claim(work: Path, output: Path, files: Sequence[Path]) -> None:
 
 def snakemake(
     work: Path,
-    levels: Iterable[str],
+    targets: Iterable[str],
     *,
     cores: int,
     profile: str | None = None,
@@ -243,7 +272,7 @@ def snakemake(
 
     Parameters
     ----------
-    levels : keys of `LEVELS`
+    targets : rules or files
     profile : a profile of Snakemake, or the name of one that comes with the workflow, such as `slurm`
     verbose : everything that Snakemake says, instead of a line per case
     """
@@ -260,7 +289,7 @@ def snakemake(
         command += ["--profile", str(own if own.is_dir() else profile)]
     if dry_run:
         command.append("--dry-run")
-    command += [LEVELS[level] for level in levels]
+    command += targets
     # Snakemake looks for its plugins on the path, and ours lies beside the package
     path = os.pathsep.join([str(_PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
     locked = os.environ | {HELD_BY: str(os.getpid()), "PYTHONPATH": path}
@@ -301,40 +330,40 @@ def require_plain_python(python: str = sys.executable) -> None:
         )
 
 
-def outcome(output: Path, cases: Collection[Case], *, page: bool) -> str:
-    """What became of the cases of a run, and where to look.
+def outcome(plan: Plan, *, page: bool, names: Collection[str] | None = None) -> str:
+    """What became of the cases of a run, as the table of states says it, and where to look.
 
     Parameters
     ----------
+    plan : with its failures
     page : whether the run made the page of the cohort
+    names : of the cases that the run was asked for; None: all
     """
-    verdicts = {case.name: _verdicts(output, case) for case in cases}
-    good = sum(bool(found) and all(found) for found in verdicts.values())
-    refused = sum(bool(found) and not all(found) for found in verdicts.values())
-    missing = len(cases) - good - refused
-    counts = [(good, "certified"), (refused, "not certified"), (missing, "without a mesh")]
-    words = ", ".join(f"{count} {what}" for count, what in counts if count)
-    index = output / "cohort" / "index.html"
-    look = f"open {index}" if page and index.is_file() else f"meshes and their pages: {output}/sub-*/"
-    return f"{len(cases)} {'case' if len(cases) == 1 else 'cases'}: {words}; {look}"
+    states = states_of(plan, names)
+    words = ", ".join(
+        f"{count} {_IN_WORDS[state]}" for state in _IN_WORDS if (count := [*states.values()].count(state))
+    )
+    files = " ".join(f"*Solver_{end}" for end, form in EXPORTED.items() if form in plan.config.export.formats)
+    look = f"open {plan.layout.cohort_page}; " if page and Path(plan.layout.cohort_page).is_file() else ""
+    meshes = f"meshes: {plan.layout.output}/sub-*/**/mesh/{files}"
+    return f"{len(states)} {'case' if len(states) == 1 else 'cases'}: {words}; {look}{meshes}"
 
 
-def without_mesh(output: Path, cases: Collection[Case]) -> list[str]:
-    """Names of the cases that have no certificate in an output folder."""
-    return [case.name for case in cases if not _verdicts(output, case)]
+def states_of(plan: Plan, names: Collection[str] | None = None) -> dict[str, str]:
+    """The state of each case; that of the worst of its meshes.
 
-
-def _verdicts(output: Path, case: Case) -> list[bool]:
-    """Whether the meshes of a case are certified; one whose certificate is damaged is not."""
-    files = (output / case.folder / "mesh").glob(f"{case.name}_*Solver_certificate.json")
-    return [_says_certified(file) for file in files]
-
-
-def _says_certified(certificate: Path) -> bool:
-    try:
-        return json.loads(certificate.read_text(encoding="utf-8"))["certified"] is True
-    except (OSError, ValueError, LookupError, TypeError):
-        return False
+    Parameters
+    ----------
+    plan : with its failures
+    names : of the cases that are asked for; None: all
+    """
+    worst = list(_IN_WORDS)
+    states: dict[str, str] = {}
+    for row in status_rows(plan.status()):
+        name, state = row["case"], row["state"]
+        if name in (plan.cases if names is None else names):
+            states[name] = max(states.get(name, state), state, key=worst.index)
+    return states
 
 
 def work_folder(output: Path) -> Path:

@@ -16,6 +16,7 @@ from typing import Any
 from cortet.cohort import receipts
 from cortet.cohort.jobs import Mesh
 from cortet.cohort.layout import EXPORTED, LABELS
+from cortet.cohort.outdated import earlier_results
 from cortet.cohort.plan import AFTER_CERTIFICATE, Plan
 from cortet.cohort.status import STOPPED, failure_path, failure_reason
 from cortet.neighbours import neighbours
@@ -87,7 +88,7 @@ def with_failures(plan: Plan, *, ended: bool = True) -> Plan:
     known: dict[Mesh, dict[str, Any]] = {}
     for mesh in plan.each_case(plan.layout.certificate):
         if state := _state(plan, mesh, by_case.get(mesh[0], []), asked):
-            known[mesh] = state
+            known[mesh] = state | earlier_results(plan, plan.cases[mesh[0]])
     return replace(plan, failures=known, missing=_missing(found))
 
 

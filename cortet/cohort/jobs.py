@@ -49,6 +49,8 @@ class Jobs:
     missing: Callable[[str], str | None] = lambda _: None
     #: output of a checkpoint of Snakemake, by its rule and wildcards, for which a run waits; None: as it lies there
     waited_for: Callable[..., str] | None = None
+    #: names of the cases that a run is asked for; None: all
+    chosen: frozenset[str] | None = None
 
     # --- what is asked for ---------------------------------------------------------------------------------------
 
@@ -77,10 +79,11 @@ class Jobs:
         return [round(1000 * case.cell_size)] if case.cell_size else self.resolutions
 
     def each_case(self, pattern: str) -> dict[Mesh, str]:
-        """Files of a pattern for all included cases, cell sizes and meshers."""
+        """Files of a pattern for all included cases that are asked for, cell sizes and meshers."""
         return {
             (case.name, res, mesher): file_of(pattern, case, res, mesher)
             for case in self.cases.values()
+            if self.chosen is None or case.name in self.chosen
             for res in self.resolutions_of(case)
             for mesher in self.config.generate.meshers
         }

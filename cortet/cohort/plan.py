@@ -172,7 +172,7 @@ class Plan(Jobs):
                 "case": name,
                 "cell_size_mm": res / 1000,
                 "mesher": mesher,
-                **{key: of[key] for key in ("stage", "state", "reason", "log") if key in of},
+                **{key: of[key] for key in ("stage", "state", "reason", "log", "earlier") if key in of},
                 **({"certificate": certificate} if self.is_measured((name, res, mesher)) else {}),
             }
             for (name, res, mesher), certificate in self.each_case(self.layout.certificate).items()
@@ -180,3 +180,8 @@ class Plan(Jobs):
         ]
         excluded = [case for case in self.sheet if not case.include]
         return meshes + [{"case": case.name, "state": "excluded", "reason": case.exclude_reason} for case in excluded]
+
+    def files_of_cases(self) -> list[str]:
+        """All files of single cases that a whole run makes."""
+        files = [*self.solver_files(), *self.quality_records(), *self.each_case(self.layout.case_page).values()]
+        return files + [path for neighbour in neighbours() for path in neighbour.files(self)]

@@ -112,13 +112,14 @@ def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     Parameters
     ----------
     meshes : one mapping per mesh, with the columns of the table that are known: `case`; `cell_size_mm` and `mesher`
-        unless the case is excluded; `stage`, `state`, `reason` and `log` if it failed or is excluded. In addition, the
-        path of its `certificate` if it has one. A mesh that is not certified is `uncertified`, even if a later step
-        failed, too
+        unless the case is excluded; `stage`, `state`, `reason` and `log` if it failed or is excluded. In addition,
+        `certificate` and `earlier`: the paths of its certificate and of the folder of outdated results, if there are
+        any. A mesh that is not certified is `uncertified`, even if a later step failed, too
     """
     rows = []
     for mesh in meshes:
         outcome = dict(mesh)
+        earlier = outcome.pop("earlier", None)
         if certificate := outcome.pop("certificate", None):
             content = json.loads(Path(certificate).read_text(encoding="utf-8"))
             if not content["certified"]:
@@ -126,5 +127,7 @@ def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
             elif "state" not in outcome:
                 remarks = "; ".join(content.get("remarks", ()))
                 outcome |= {"stage": "certify", "state": "certified", "reason": remarks}
+        elif earlier:
+            outcome["reason"] += f"; earlier results are in {earlier}"
         rows.append(outcome)
     return rows

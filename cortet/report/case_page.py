@@ -15,7 +15,7 @@ from cortet.geometry.mending import measurable
 from cortet.geometry.topology import surface_topology
 from cortet.measure.checks import beside_limit, in_words
 from cortet.measure.counts import COUNTED_LIMITS
-from cortet.meshes import TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface, region_names
 from cortet.report import pages, pictures, published
 from cortet.report.boundary_view import boundary_view, three_js
 from cortet.report.figures import mesh_quality_figures, svg
@@ -126,8 +126,8 @@ def write_failure_page(
     Parameters
     ----------
     name : name of the case
-    failure : `stage` that failed, `state`, `reason`; `problem` and `remedy` unless the job was killed; `log` if there
-        is one
+    failure : `stage` that failed, `state`, `reason`; `problem` and `remedy` unless the job was killed; `log` and
+        `earlier`, the folder of results that are out of date, if there are any
     surface : the input surface; None if it cannot be read, and `trouble` says why
     facts, cohort : as in `write_case_page`
     """
@@ -137,6 +137,7 @@ def write_failure_page(
         "Reason": failure.get("problem") or failure["reason"],
         "What to do": failure.get("remedy") or (_READ_LOG if failure.get("problem") else _KILLED),
         **({"Log of the job": f"`{failure['log']}`"} if failure.get("log") else {}),
+        **({"Earlier results": f"`{failure['earlier']}`"} if failure.get("earlier") else {}),
     }
     pages.write(
         path,
@@ -214,14 +215,16 @@ def _surface_and_mesh(of: Checked) -> list[Part]:
     return pictures.shown(lambda: [*pictures.of_input(of.surface), *pictures.of_mesh(of.mesh, of.meshed)])
 
 
+def _sections(of: Checked) -> list[Part]:
+    """Sections through the tetrahedra, over the image of the case if it has one."""
+    if of.slices is not None:
+        caption = "Slices of the image through the middle of the mesh, and on them the sections through its tetrahedra"
+        return [("maps", [pictures.captioned(pictures.png(of.slices), caption)])]
+    return pictures.shown(lambda: pictures.of_sections(of.mesh, region_names(of.meshed.inner)))
+
+
 def _tissues(of: Checked) -> list[Part]:
-    if not of.tissues:
-        return []
-    table = pages.table("What of the mesh has each label", headed(TISSUE_COLUMNS), of.tissues)
-    if of.slices is None:
-        return [table]
-    caption = "Slices through the middle of the mesh: the volume, and in it the cut through the tetrahedra"
-    return [("pictures", [pictures.captioned(pictures.png(of.slices), caption)]), table]
+    return [pages.table("What of the mesh has each label", headed(TISSUE_COLUMNS), of.tissues)] if of.tissues else []
 
 
 def _resampled(of: Checked) -> list[Part]:
@@ -293,6 +296,7 @@ PANELS: tuple[tuple[str, str, Callable[[Checked], list[Part]]], ...] = (
         "What became of the surfaces",
         lambda of: [("points", of.certificate["remarks"])] if of.certificate.get("remarks") else [],
     ),
+    ("sections", "Sections", _sections),
     ("pictures", "Surface and mesh", _surface_and_mesh),
     ("tissues", "In the volume", _tissues),
     ("resampled", "On the common mesh", _resampled),

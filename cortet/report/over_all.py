@@ -20,6 +20,7 @@ from cortet.cohort import receipts
 from cortet.cohort.failures import with_failures
 from cortet.cohort.jobs import Mesh, existing
 from cortet.cohort.layout import beside, filled
+from cortet.cohort.outdated import set_aside
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import read_sheet
 from cortet.config import load
@@ -187,6 +188,7 @@ def report(output: Path, *, after: Literal["success", "failure"] | None = None) 
     InputError : as `plan_of_run`
     """
     plan, asked = plan_of_run(output)
+    set_aside(with_failures(plan))
     plan = with_failures(plan)
     wanted = {None: {*asked, "case_page", *OF_COHORT}, "failure": {*asked}, "success": set[str]()}[after]
     done = {*asked} if after == "success" else set()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,8 @@ import pytest
 import cortet
 from cortet.cohort.app import lock, outcome, require_plain_python, source_notice
 from cortet.cohort.bids import Places, descriptions, provenance, write_dataset_description, write_descriptions
+from cortet.cohort.plan import Plan
+from cortet.cohort.sheet import Case
 from cortet.config import load
 from cortet.errors import InputError
 from cortet.formats.tsv import read_tsv
@@ -114,8 +117,17 @@ def test_an_output_folder_may_move_within_its_dataset(places: Places) -> None:
     assert source_notice(moved, places.raw.with_name("other"))
 
 
-def test_the_page_of_an_earlier_group_is_not_that_of_participants(tmp_path: Path) -> None:
-    (tmp_path / "cohort").mkdir()
-    (tmp_path / "cohort/index.html").touch()
-    assert outcome(tmp_path, [], page=True).endswith(f"open {tmp_path}/cohort/index.html")
-    assert "index.html" not in outcome(tmp_path, [], page=False)
+def test_the_last_line_of_a_run_counts_what_the_table_of_states_says(tmp_path: Path) -> None:
+    case = Case("01", None, "L", 28.0, "phantom")
+    plan = Plan({"": load({"output": str(tmp_path)})}, [case])
+    page = tmp_path / "cohort/index.html"
+    page.parent.mkdir()
+    page.touch()
+    certificate = Path(next(iter(plan.each_case(plan.layout.certificate).values())))
+    certificate.parent.mkdir(parents=True)
+    certificate.write_text('{"certified": true}')
+    assert outcome(plan, page=True).startswith(f"1 case: 1 certified; open {page}; meshes: ")
+    assert "index.html" not in outcome(plan, page=False)
+    failed = {"stage": "repair", "state": "failed", "reason": "truncated"}
+    since = replace(plan, failures={("sub-01_hemi-L", 600, "lattice"): failed})
+    assert outcome(since, page=False).startswith("1 case: 1 failed; ")

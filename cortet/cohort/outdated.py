@@ -1,0 +1,99 @@
+"""Results that no longer answer the sheet move aside, so that nothing under a final name is out of date.
+
+A mesh and its certificate are outdated if the user's surface has changed since they were made, if their case has failed
+since, or if the sheet excludes or no longer names the case. They move to a folder `outdated` of the case, and are never
+deleted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import product
+from pathlib import Path
+
+from cortet.cohort.jobs import Mesh
+from cortet.cohort.plan import Plan
+from cortet.cohort.sheet import Case
+from cortet.formats.ownership import json_of
+from cortet.neighbours import neighbours
+
+#: folder of a case for its outdated results; each time results move, they get a numbered folder in it
+FOLDER = "outdated"
+#: end of the name of a certificate
+_CERTIFICATE = "Solver_certificate.json"
+
+
+def set_aside(plan: Plan) -> list[str]:
+    """Move outdated results to the folder `outdated` of their case.
+
+    Parameters
+    ----------
+    plan : with its failures, if a run has ended
+
+    Returns
+    -------
+    What moved, in sentences.
+    """
+    told = []
+    for mesh in plan.each_case(plan.layout.certificate):
+        failure = plan.failures.get(mesh, {})
+        if _has_changed(plan, mesh):
+            why, settings = "its surface has changed", list(plan.settings)
+        elif failure.get("state") == "failed" and not plan.is_measured(mesh):
+            why, settings = f"{failure['stage']} failed", [""]
+        else:
+            continue
+        folder = Path(plan.layout.output) / plan.cases[mesh[0]].folder
+        if moved := _move(folder, _results(plan, mesh, settings)):
+            told.append(f"{mesh[0]}: {why}, and its earlier results were moved to {moved}")
+    for name, folder in _without_row(plan):
+        entries = [path for begin in ("res-", "desc-") for path in folder.glob(f"*/{name}_{begin}*")]
+        moved = _move(folder, [path for path in entries if path.parent.name != "anat"])
+        told.append(f"{name}: the sheet does not include it, and its results were moved to {moved}")
+    return told
+
+
+def earlier_results(plan: Plan, case: Case) -> dict[str, str]:
+    """The entry `earlier` of a state: the folder with outdated results of a case; empty if it has none."""
+    folder = Path(plan.layout.output) / case.folder / FOLDER
+    return {"earlier": str(folder)} if any(folder.glob(f"*/*/{case.name}_*")) else {}
+
+
+def _has_changed(plan: Plan, mesh: Mesh) -> bool:
+    """Whether a mesh was made from other files of the user than the present ones, as far as those can be read."""
+    job = plan.job(mesh)
+    made_from = json_of(Path(plan.layout.mesh("Solver", "tetmesh.json").format(**job))).get("input_sha256")
+    if not isinstance(made_from, dict):
+        return False
+    return any(now is not None and made_from.get(name) != now for name, now in plan.input_sha256(job).items())
+
+
+def _results(plan: Plan, mesh: Mesh, settings: Iterable[str]) -> Iterator[Path]:
+    """The mesh at the end of the line in some settings, and what was made of it: exports, certificate, page, folds."""
+    case, res, mesher = mesh
+    labels = ["Solver", *(neighbour.label for neighbour in neighbours() if neighbour.label)]
+    for setting, label in product(settings, labels):
+        pattern = f"{case}_res-{res}um_desc-{mesher}{setting}{label}*"
+        yield from (Path(plan.layout.output) / plan.cases[case].folder).glob(f"*/{pattern}")
+
+
+def _without_row(plan: Plan) -> list[tuple[str, Path]]:
+    """Names and folders of the cases that have a certificate, but no row of the sheet that includes them."""
+    output = Path(plan.layout.output)
+    certificates = [path for case in ("sub-*", "sub-*/ses-*") for path in output.glob(f"{case}/mesh/*{_CERTIFICATE}")]
+    found = {(path.name.partition("_res-")[0], path.parents[1]) for path in certificates}
+    return [(name, folder) for name, folder in sorted(found) if name not in plan.cases]
+
+
+def _move(folder: Path, entries: Iterable[Path]) -> Path | None:
+    """Move files and folders of a case to a new numbered folder; None if there are none."""
+    entries = list(entries)
+    if not entries:
+        return None
+    numbers = [int(path.name) for path in (folder / FOLDER).glob("*") if path.name.isdecimal()]
+    target = folder / FOLDER / str(max(numbers, default=0) + 1)
+    for path in entries:
+        new = target / path.relative_to(folder)
+        new.parent.mkdir(parents=True, exist_ok=True)
+        path.rename(new)
+    return target

@@ -1,0 +1,64 @@
+"""Nothing under a final name claims to be the result of an input that the sheet no longer names."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from cortet.formats.hashing import sha256
+from tests.integration.study import Study
+
+
+def results(study: Study, participant: str) -> set[str]:
+    """Names of the exported mesh and the certificate of a case, wherever they claim to be its result."""
+    files = study.files(f"sub-{participant}/**/*Solver_*")
+    return {path.name.rpartition("Solver_")[2] for path in files if "outdated" not in path.parts}
+
+
+def outdated(study: Study, participant: str) -> Path:
+    """The certificate that moved aside."""
+    (certificate,) = study.outputs.glob(f"sub-{participant}/outdated/*/mesh/*_certificate.json")
+    return certificate
+
+
+def test_a_certified_case_whose_surface_is_then_damaged_is_certified_no_more(study: Study) -> None:
+    path = study.case("b").surface
+    (certificate,) = study.files("sub-b/**/*certificate.json")
+    before = sha256(certificate)
+    Path(path).write_bytes(Path(path).read_bytes()[:2000])
+    study.jobs_of_run(succeeds=False)
+    assert "2 cases: 1 certified, 1 failed" in study.said
+    assert results(study, "b") == {"report.html", "thumbnail.webp"}, "of its failure"
+    assert sha256(outdated(study, "b")) == before
+    row = study.status()["sub-b_hemi-L"]
+    assert row["state"] == "failed" and "sub-b/outdated" in row["reason"]
+    (page,) = study.files("sub-b/mesh/*Solver_report.html")
+    assert "sub-b/outdated" in page.read_text()
+    assert "certificate.json" in results(study, "a")
+
+
+def test_another_surface_gets_a_mesh_of_its_own_and_the_former_one_is_kept(study: Study) -> None:
+    case = study.case("b")
+    Path(case.surface).write_bytes(Path(study.case("a").surface).read_bytes())
+    study.jobs_of_run()
+    (new,) = study.files("sub-b/mesh/*certificate.json")
+    assert json.loads(new.read_text())["input"]["sha256"] == sha256(Path(case.surface))
+    assert json.loads(outdated(study, "b").read_text())["input"]["sha256"] != sha256(Path(case.surface))
+
+
+def test_cases_that_the_sheet_excludes_or_drops_have_no_results(study: Study) -> None:
+    a, b = study.cases()
+    study.write_cases([replace(a, include=False, exclude_reason="motion"), b])
+    study.jobs_of_run()
+    assert results(study, "a") == set() and outdated(study, "a").exists()
+    assert "certificate.json" in results(study, "b")
+    study.write_cases([replace(a, include=True)])
+    study.jobs_of_run()
+    assert "certificate.json" in results(study, "a") and results(study, "b") == set()
+
+
+def test_a_touched_surface_moves_nothing(study: Study) -> None:
+    Path(study.case("b").surface).touch()
+    study.jobs_of_run()
+    assert not list(study.outputs.rglob("outdated"))
