@@ -18,7 +18,7 @@ from cortet.errors import InputError
 from cortet.formats import FORMATS, format_of
 from cortet.formats.atomic import recorded
 from cortet.formats.gifti import read_surface
-from cortet.formats.ownership import delete_made, may_write
+from cortet.formats.ownership import may_write
 from cortet.formats.placement import placed
 from cortet.formats.tables import write_table
 from cortet.formats.volumes import is_volume
@@ -311,6 +311,7 @@ def write(
     labels: Mapping[str, Mapping[int, str]],
     units: Mapping[str, str],
     arguments: Mapping[str, Any],
+    temporary: Path | None = None,
 ) -> list[str]:
     """Write a mesh for a solver, with its sets and a sidecar, verified as written; returns what the format cannot hold.
 
@@ -321,13 +322,14 @@ def write(
     mesh : from `stages.solver_ready`, with the values of its volumes
     certificate : content of its certificate.json
     arguments : `Config.export_arguments`
+    temporary : folder that holds the surfaces that were meshed, and gets the files; all of them move to that of `path`
 
     Raises
     ------
     InputError, StageError : as `solver_files.export.export`
     """
     named, sources = with_sets(mesh, surface, origin, sets=sets, labels=labels, units=units)
-    made_from = origin.made_from(path.parent)
+    made_from = origin.made_from(path.parent, temporary)
     options = {name: value for name, value in arguments.items() if name != "map"}
     beside, told = None, []
     if arguments.get("map") and not FORMATS[arguments["solver"]].is_surface:
@@ -336,7 +338,7 @@ def write(
     frame = surface.frame
     lacks = export(
         named,
-        path,
+        temporary / path.name if temporary else path,
         certificate=certificate,
         frame=frame,
         sources=sources,
@@ -429,25 +431,33 @@ def save(
         )
     for file in (*beside.files, sidecar_path(path)):
         may_write(file)
-    delete_made(beside.certificate)  # so that files of an earlier run are not taken for this run's
-    delete_made(sidecar_path(path))
-    with recorded(asdict(certificate), beside.certificate) as place:
+    is_written = certificate.certified or uncertified
+    told = []
+
+    def write_mesh(folder: Path) -> None:
+        if is_written:
+            told.extend(
+                write(
+                    mesh,
+                    surface,
+                    path,
+                    certificate=asdict(certificate),
+                    origin=replace(origin, meshed=beside.surfaces),
+                    sets=config.export.sets(kind),
+                    labels=labels,
+                    units=config.export.field_units,
+                    arguments={**config.export_arguments(format_of(path).name), "uncertified": uncertified},
+                    temporary=folder,
+                )
+            )
+
+    # files of an earlier run are not to be taken for this run's
+    earlier = (beside.certificate, sidecar_path(path))
+    with recorded(asdict(certificate), beside.certificate, replaced=earlier, then=write_mesh) as place:
         write_meshed(surface, place(path))
         if beside.tissues:
             write_table(TISSUE_COLUMNS, rows, place(beside.tissues))
         views(place)
-    if not (certificate.certified or uncertified):
-        if force:
-            path.unlink(missing_ok=True)  # so that an earlier run's file is not taken for this one's
-        return []
-    return write(
-        mesh,
-        surface,
-        path,
-        certificate=asdict(certificate),
-        origin=replace(origin, meshed=beside.surfaces),
-        sets=config.export.sets(kind),
-        labels=labels,
-        units=config.export.field_units,
-        arguments={**config.export_arguments(format_of(path).name), "uncertified": uncertified},
-    )
+    if force and not is_written:
+        path.unlink(missing_ok=True)
+    return told

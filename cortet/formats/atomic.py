@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from cortet.errors import InputError
-from cortet.formats.ownership import about_to_write, may_write, record_of, temporary_beside
+from cortet.formats.ownership import (
+    about_to_write,
+    delete_made,
+    is_temporary,
+    may_write,
+    record_of,
+    temporary_beside,
+)
 
 
 @contextmanager
@@ -30,18 +38,24 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     _make_folder(path.parent)
     temporary = temporary_beside(path)
     try:
-        yield temporary
-        about_to_write(temporary, path)
+        with _full_disk_named(path):
+            yield temporary
+            about_to_write({temporary: path})
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
 
 
 @contextmanager
-def atomic_folder(path: str | Path) -> Iterator[Path]:
+def atomic_folder(path: str | Path, *, replaced: Iterable[Path] = ()) -> Iterator[Path]:
     """A temporary folder beside `path`, whose files move to the folder of `path` when the block ends without error.
 
-    Formats whose files name each other need this: in this folder the files have their final names.
+    Formats whose files name each other need this: in this folder the files have their final names. Nothing of an
+    earlier command is deleted before all new files are complete.
+
+    Parameters
+    ----------
+    replaced : records of an earlier command; they and the files that they list are deleted before the new files move
 
     Raises
     ------
@@ -55,16 +69,34 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
     temporary = temporary_beside(path)
     temporary.mkdir()
     try:
-        yield temporary
-        # the file that was asked for, and its sidecar, come last: after a kill it is there only with all others
-        files = sorted(temporary.iterdir(), key=lambda file: (file.name.startswith(path.name), file.name))
+        with _full_disk_named(path):
+            yield temporary
+            # the file that was asked for, and its sidecar, come last: after a kill it is there only with all others
+            files = sorted(temporary.iterdir(), key=lambda file: (file.name.startswith(path.name), file.name))
+            for file in files:
+                may_write(path.with_name(file.name))
+            about_to_write({file: path.with_name(file.name) for file in files})
+        for record in replaced:
+            delete_made(record)
         for file in files:
-            may_write(path.with_name(file.name))
-        for file in files:
-            about_to_write(file, path.with_name(file.name))
             file.replace(path.with_name(file.name))
     finally:
         shutil.rmtree(temporary)
+
+
+@contextmanager
+def _full_disk_named(path: Path) -> Iterator[None]:
+    """Raise InputError that names a file for which the disk has no space left, unless it lies in a temporary folder."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT) or is_temporary(path.parent):
+            raise
+        free = shutil.disk_usage(path.parent).free / 1e6
+        remedy = "free some space, or give a folder on another disk"
+        raise InputError(
+            f"cannot be written, as its disk has only {free:.1f} MB left", file=path, remedy=remedy
+        ) from error
 
 
 def _make_folder(folder: Path) -> None:
@@ -85,11 +117,23 @@ def write_json(data: Any, path: str | Path) -> None:
 
 
 @contextmanager
-def recorded(content: Mapping[str, Any], record: Path) -> Iterator[Callable[[Path], Path]]:
+def recorded(
+    content: Mapping[str, Any],
+    record: Path,
+    *,
+    replaced: Iterable[Path] = (),
+    then: Callable[[Path], None] = lambda _: None,
+) -> Iterator[Callable[[Path], Path]]:
     """Write a report that lists the files made with it, so that a later run may replace them, even after a kill.
 
     Yields a function that gives the temporary name of each file. After the report, the files get their own names.
+
+    Parameters
+    ----------
+    replaced : as of `atomic_folder`
+    then : writes files that the report does not list, with their final names, to the temporary folder that it gets
     """
-    with atomic_folder(record) as folder:
+    with atomic_folder(record, replaced=replaced) as folder:
         yield lambda file: folder / file.name if file.parent.absolute() == record.parent.absolute() else file
         write_json({**content, **record_of(sorted(folder.iterdir()))}, folder / record.name)
+        then(folder)

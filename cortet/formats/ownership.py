@@ -14,7 +14,7 @@ import json
 import os
 import re
 import secrets
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -146,18 +146,38 @@ def has_read(path: Path) -> None:
                 _refuse_input(output, guard)
 
 
-def about_to_write(temporary: Path, path: Path) -> None:
-    """Record that a file is about to get its name. The manifest lists it first, so that a kill does no harm."""
+def about_to_write(files: Mapping[Path, Path]) -> None:
+    """Record that files of one folder are about to get their names; the manifest lists them before, in case of a kill.
+
+    Parameters
+    ----------
+    files : temporary name -> name
+    """
     guard = _guard.get()
     if guard is None:
         return
-    place = path.absolute()
-    guard.made.add(place)
-    if identity := _identity(temporary):
-        guard.inputs.pop(identity, None)  # the command read the file back before it got its name
-    within_temporary = path.parent.name.startswith(_own_prefix())  # all files of that folder get their names together
-    if not within_temporary and not guard.is_below_own_folder(place):
-        _list_in_manifest(path, sha256(temporary))
+    guard.made.update(path.absolute() for path in files.values())
+    for temporary in files:
+        if identity := _identity(temporary):
+            guard.inputs.pop(identity, None)  # the command read the file back before it got its name
+    listed = {
+        path: sha256(temporary)
+        for temporary, path in files.items()
+        # all files of a temporary folder get their names together
+        if not is_temporary(path.parent) and not guard.is_below_own_folder(path.absolute())
+    }
+    if listed:
+        _list_in_manifest(listed)
+
+
+def final_name(path: Path) -> Path:
+    """The name that a file gets if it lies in a temporary folder; else its own."""
+    return path.parent.with_name(path.name) if is_temporary(path.parent) else path
+
+
+def is_temporary(folder: Path) -> bool:
+    """Whether a folder is a temporary one of this process."""
+    return folder.name.startswith(_own_prefix())
 
 
 def refuse_companion(path: Path) -> None:
@@ -252,19 +272,22 @@ def _manifest(folder: Path) -> dict[str, list[str]]:
     return {str(name): [str(one) for one in found] for name, found in files.items() if isinstance(found, list)}
 
 
-def _list_in_manifest(path: Path, digest: str) -> None:
-    folder = os.open(path.parent, os.O_RDONLY)
+def _list_in_manifest(listed: Mapping[Path, str]) -> None:
+    """Add files of one folder with their SHA-256 to its manifest."""
+    manifest = next(iter(listed)).with_name(MANIFEST)
+    temporary = temporary_beside(manifest)
+    folder = os.open(manifest.parent, os.O_RDONLY)
     try:
         with suppress(OSError):  # a file system without locks
             fcntl.flock(folder, fcntl.LOCK_EX)
-        files = _manifest(path.parent)
-        known = [one for one in files.get(path.name, []) if one != digest]
-        files[path.name] = [*known, digest][-_HASHES:]
-        manifest = path.with_name(MANIFEST)
-        temporary = temporary_beside(manifest)
+        files = _manifest(manifest.parent)
+        for path, digest in listed.items():
+            known = [one for one in files.get(path.name, []) if one != digest]
+            files[path.name] = [*known, digest][-_HASHES:]
         temporary.write_text(json.dumps({"files": files}, indent=1) + "\n", encoding="utf-8")
         temporary.replace(manifest)
     finally:
+        temporary.unlink(missing_ok=True)
         os.close(folder)
 
 

@@ -122,8 +122,13 @@ class Origin:
     hemisphere: Hemisphere | None = None
     kind: str | None = None
 
-    def made_from(self, folder: Path) -> dict[str, Any]:
-        """The entries of a sidecar in a folder, to which names of files are relative."""
+    def made_from(self, folder: Path, temporary: Path | None = None) -> dict[str, Any]:
+        """The entries of a sidecar in a folder, to which names of files are relative.
+
+        Parameters
+        ----------
+        temporary : folder in which the surfaces that were meshed are until they get their names
+        """
         brain = next((self.given[region] for region in (OUTERMOST, BRAIN) if region in self.given), None)
         known = {
             "hemisphere": self.hemisphere or (hemisphere_of(brain) if brain else None),
@@ -133,7 +138,10 @@ class Origin:
         }
         surfaces = {
             which: {
-                region: {"file": Path(os.path.relpath(file, folder)).as_posix(), "sha256": input_sha256(file)}
+                region: {
+                    "file": Path(os.path.relpath(file, folder)).as_posix(),
+                    "sha256": input_sha256(temporary / Path(file).name if temporary and which == "meshed" else file),
+                }
                 for region, file in files.items()
             }
             for which, files in {"given": self.given, "meshed": self.meshed}.items()
