@@ -30,6 +30,7 @@ _DATA = Path(__file__).with_name("data")
 STATES = {
     "folded": "no element inverted until the end",
     "inverted": "stopped at the first inverted element",
+    "implausible": "stopped because its gyrification index was far below 1",
     "failed": "no result: the reason says why",
 }
 #: columns of `cohort_folding.tsv`, one per line of the file; the page of the cohort shows those with a heading

@@ -96,7 +96,7 @@ def fold(
     surfaces: Weeks | None = None,
     config: InputFile | None = None,
     threads: Annotated[int | None, number(1, 10_000, "N", whole=True)] = None,
-    _: Writes = Writes(),
+    writes: Writes = Writes(),
 ) -> int:
     """Grow the cortex of a mesh until it folds.
 
@@ -145,6 +145,8 @@ def fold(
     chosen = {"end": end, "time_step": time_step, "surfaces": surfaces}
     data = Configured(config).settings()
     data["fold"] = {**(data.get("fold") or {}), **{key: value for key, value in chosen.items() if value is not None}}
+    if writes.force:
+        data["fold"]["allow_volume"] = True
     if real:
         data["fold"]["real_surfaces"] = (data["fold"].get("real_surfaces") or {}) | dict(real)
     loaded = load(data)

@@ -57,6 +57,8 @@ _CHECKPOINT_SECONDS, _TABLE_SECONDS = 30.0, 1.0
 _FRAMES = "frame_[0-9][0-9][0-9][0-9]*.vtu"
 #: weeks by which two ages may differ and be the same
 SAME_AGE = 1e-6
+#: gyrification index below which a body is none that folds, and its fold ends
+_LEAST_INDEX = 0.95
 #: weeks by which the age in the name of a field may be rounded
 _ROUNDED = 1e-3
 
@@ -70,8 +72,10 @@ Say = Callable[[str], None]
 class Verdict:
     """How a run ended, in plain values."""
 
-    outcome: Literal["folded", "inverted"]
+    outcome: Literal["folded", "inverted", "implausible"]
     reason: str
+    #: what is doubtful about the mesh, in sentences
+    warnings: tuple[str, ...]
     tets: int
     #: number of steps taken
     steps: int
@@ -136,7 +140,8 @@ def fold(
         doubts.append(f"growth was measured up to {known:g} weeks, so the fold ends there, not at {settings.end:g}")
         settings = settings.with_keys(end=known)
     run = prepared(mesh, settings)
-    for sentence in [*described(run), *(f"warning: {doubt}" for doubt in [*doubts, *check_cells(run)])]:
+    doubts += check_cells(run)
+    for sentence in [*described(run), *(f"warning: {doubt}" for doubt in doubts)]:
         say(sentence)
     frames_at = [*frames_at, *settings.surfaces]
     journal = Journal(
@@ -151,7 +156,7 @@ def fold(
         inverted = stop > moment.time and advance_to(run, moment, stop)
         journal.seconds += time.perf_counter() - began
         measurements = measured(run, moment)
-        last = inverted or stop == run.end
+        last = inverted or stop == run.end or measurements.gyrification_index < _LEAST_INDEX
         if last or _has_frame(measurements.gestational_age, settings, frames_at):
             asked = _is_one_of(measurements.gestational_age, settings.surfaces)
             journal.add_frame(
@@ -165,7 +170,7 @@ def fold(
         if last:
             break
         journal.save(run, moment)
-    verdict = _verdict(run, moment, journal.rows)
+    verdict = _verdict(run, moment, journal.rows, tuple(doubts))
     write_json(asdict(verdict), folder / VERDICT)
     journal.checkpoint.unlink(missing_ok=True)
     return verdict
@@ -291,24 +296,29 @@ class Journal:
         write_series(self.frames, self.folder / SERIES)
 
 
-def _verdict(run: Run, moment: Moment, rows: list[dict[str, Any]]) -> Verdict:
-    age = rows[-1]["gestational_age"]
+def _verdict(run: Run, moment: Moment, rows: list[dict[str, Any]], warnings: tuple[str, ...]) -> Verdict:
+    age, index = rows[-1]["gestational_age"], rows[-1]["gyrification_index"]
+    outcome: Literal["folded", "inverted", "implausible"] = "folded"
     element, place = None, None
     if rows[-1]["inverted"]:
         j = moment.work.current / moment.work.grown
         worst = int(np.argmin(np.where(np.isnan(j), -np.inf, j)))
         element = int(run.cell[worst])
         x, y, z = millimetres(run, moment)[run.mesh.cells[worst]].mean(axis=0).tolist()
-        place = (x, y, z)
+        place, outcome = (x, y, z), "inverted"
         reason = (
             f"tetrahedron {element} at {place_mm(place)} inverted (J = {j[worst]:.3g}) "
             f"in step {moment.step}, at {age:.2f} weeks"
         )
+    elif index < _LEAST_INDEX:
+        outcome = "implausible"
+        reason = f"gyrification index {index:.3f} at {age:.2f} weeks: no brain has less surface than its convex hull"
     else:
         reason = f"folded from {age_of(run.start):.2f} to {age:.2f} weeks; no element inverted in {moment.step} steps"
     return Verdict(
-        outcome="inverted" if element is not None else "folded",
+        outcome=outcome,
         reason=reason,
+        warnings=warnings,
         tets=len(run.cell),
         steps=moment.step,
         gestational_age=age,

@@ -21,7 +21,7 @@ from cortet.folding.section import Settings
 from cortet.folding.state import Run
 from cortet.formats.hashing import sha256
 from cortet.formats.surface_sets import MEDIAL_WALL
-from cortet.geometry.topology import boundary, face_areas, face_normals
+from cortet.geometry.topology import boundary, components, face_areas, face_normals
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import AROUND, FloatArray, TetMesh, require_measurable
 from cortet.solver_files.sidecar import read_sidecar
@@ -33,9 +33,9 @@ _SAME_SCAN = 1.0
 #: longest side of a body that may be a brain in mm; mice have 8 mm, human adults 180
 EXTENT_MM = (5.0, 400.0)
 #: volume of a hemisphere by age: weeks, and mL of the available templates; a body that is larger or smaller by more
-#: than the factor below is doubted
+#: than the factor below is refused
 _WEEKS, _ML = (20.0, 22.0, 25.0, 30.0, 33.0, 40.0), (18.0, 29.0, 39.0, 70.0, 87.0, 110.0)
-_TIMES = 3.0
+_TIMES = 2.0
 #: a side is flat where the faces point to it, up to an angle of this cosine, and are within this depth of the
 #: outermost, in units of half the length
 _COSINE, _DEPTH = 0.7, 0.12
@@ -76,16 +76,19 @@ def check_mesh(mesh: TetMesh, settings: Settings) -> list[str]:
     Raises
     ------
     InputError
-        the age is impossible; the mesh cannot be measured, has inverted elements or is not a brain in mm; other regions
-        surround the brain; or its medial side is another than the hemisphere says
+        the age is impossible; the mesh cannot be measured, has inverted elements or several pieces, or is not a brain
+        of its age in mm; other regions surround the brain; or its medial side is another than the hemisphere says
     """
     require_measurable(mesh)
     refuse_shell(mesh.sets.cells)
     require_positive(signed_volumes(mesh.points, mesh.cells))
+    if (pieces := components(mesh.cells)) > 1:
+        raise InputError(f"the mesh has {pieces} separate pieces", remedy="fold each brain or hemisphere by itself")
     check_age(settings.gestational_age)
     if settings.reference:
         return []
-    return [*_size(mesh, settings), *(_side(mesh, settings.hemisphere) if settings.hemisphere else ())]
+    _require_size(mesh, settings)
+    return _side(mesh, settings.hemisphere) if settings.hemisphere else []
 
 
 def check_cells(run: Run) -> list[str]:
@@ -100,8 +103,8 @@ def check_cells(run: Run) -> list[str]:
     ]
 
 
-def _size(mesh: TetMesh, settings: Settings) -> list[str]:
-    """A doubt if the volume is not that of a brain of its age; InputError if no brain has its length."""
+def _require_size(mesh: TetMesh, settings: Settings) -> None:
+    """Raise InputError unless length and volume are those of a brain of its age; any volume is fine if allowed."""
     longest = float(np.ptp(mesh.points, axis=0).max())
     low, high = EXTENT_MM
     if not low <= longest <= high:
@@ -115,14 +118,15 @@ def _size(mesh: TetMesh, settings: Settings) -> list[str]:
             remedy="give a mesh in mm",
         )
     volume = float(signed_volumes(mesh.points, mesh.cells).sum()) / 1000
-    usual = (1 if settings.hemisphere else 2) * float(np.interp(settings.gestational_age, _WEEKS, _ML))
-    if usual / _TIMES <= volume <= usual * _TIMES:
-        return []
-    what = "hemisphere" if settings.hemisphere else "brain"
-    return [
-        f"the mesh has {volume:.3g} mL, a human {what} of {settings.gestational_age:g} weeks some {usual:.0f} mL: "
-        "is the age that of the mesh, and is it in mm?"
-    ]
+    usual = float(np.interp(settings.gestational_age, _WEEKS, _ML))  # of a hemisphere
+    most = (1 if settings.hemisphere else 2) * usual
+    if settings.allow_volume or usual / _TIMES <= volume <= most * _TIMES:
+        return
+    raise InputError(
+        f"the mesh has {volume:.3g} mL, and a human hemisphere of {settings.gestational_age:g} weeks has about "
+        f"{usual:.0f} mL",
+        remedy="give the age of this brain, and a mesh in mm; for other species set fold.allow_volume or add --force",
+    )
 
 
 def _side(mesh: TetMesh, hemisphere: str) -> list[str]:

@@ -62,6 +62,8 @@ _EARLY_CHUNK, _EARLY_STEPS = 5, 250
 _ALIKE = 5
 #: longest step, a hundred in the shortest week: cells large enough for longer ones do not resolve growth
 _LONGEST_STEP = 4e-4
+#: how many times shorter than the longest step a chosen one may be
+_SHORTER = 1000
 #: contact and medial plane of the reference
 _REFERENCE = {"gap": 0.004, "plane": 1.0, "penalty": REFERENCE_PENALTY}
 #: hemisphere -> side of the medial plane in RAS coordinates
@@ -187,7 +189,7 @@ def beginning(run: Run) -> Moment:
 
     Raises
     ------
-    InputError : the time step that the user chose is too long
+    InputError : the time step that the user chose is too long, or so short that the run would take for ever
     """
     x = (run.points - run.scale.origin) / run.scale.length
     body, volumes = run.body, np.repeat(run.body.volumes / 4, 4)
@@ -204,11 +206,14 @@ def beginning(run: Run) -> Moment:
     )
     work = workspace(body, smoothed=run.material.own < 1)
     moment = Moment(0, run.start, Motion(x, np.zeros_like(x)), body, body, work, contact)
-    if run.time_step is not None and not run.time_step <= (limit := _longest_step(run, moment)):
-        raise InputError(
-            f"time step {run.time_step:g} is above {limit:.3g}, the longest that a run of this mesh takes",
-            remedy="leave time_step out, or choose a smaller one",
-        )
+    if run.time_step is not None:
+        limit = _longest_step(run, moment)
+        if not limit / _SHORTER <= run.time_step <= limit:
+            raise InputError(
+                f"time step {run.time_step:g} is not between {limit / _SHORTER:.3g} and {limit:.3g}, "
+                "the longest that is stable for this mesh",
+                remedy="leave time_step out, or choose one in this range",
+            )
     return moment
 
 

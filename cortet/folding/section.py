@@ -113,6 +113,8 @@ class Fold(Section):
     """The same of single regions of the core, as in `core_regions`."""
     regions: dict[int, Annotated[list[Finite], Field(min_length=3, max_length=3)]] = {}
     """Growth of single regions: value of the field label, then amplitude, rate and latency of a Gompertz law."""
+    allow_volume: bool = False
+    """true folds a mesh whose volume is below half or above twice that of a human brain of its age."""
     thickness: Positive | None = None
     """Thickness of the growing cortex at the start, mm. null: of growing, that of the model; of braingrowth, 0.042 of
     half the length of the brain at 22 weeks, 1.25 mm, and slightly more later. A run says which."""

@@ -23,7 +23,13 @@ def test_a_realisation_is_made_of_what_the_sheet_says(study: Study) -> None:
     field = study.folder / "surfaces/still.shape.gii"
     write_fields({"growth": np.zeros(len(surface.points))}, field)
     study.write_cases([first, replace(second, unit="m", fields={"growth": field})])
-    study.config["fold"] = {"model": "braingrowth", "end": 24.3, "thickness": 3.0, "frame_interval": 0.3}
+    study.config["fold"] = {
+        "allow_volume": True,
+        "model": "braingrowth",
+        "end": 24.3,
+        "thickness": 3.0,
+        "frame_interval": 0.3,
+    }
     study.config["experiments"] = {
         "convergence": {"cases": 2, "cell_size": [5.0, 4.0], "seeds": [0], "meshers": ["lattice"]}
     }
@@ -40,7 +46,7 @@ def test_a_realisation_is_made_of_what_the_sheet_says(study: Study) -> None:
 
 
 def test_cell_sizes_and_realisations_of_a_case_are_folded_and_compared(study: Study) -> None:
-    study.config["fold"] = {"end": 24.3, "thickness": 3.0, "frame_interval": 0.3}
+    study.config["fold"] = {"allow_volume": True, "end": 24.3, "thickness": 3.0, "frame_interval": 0.3}
     study.config["experiments"] = {
         "convergence": {
             "cases": ["sub-a_hemi-L"],

@@ -20,6 +20,7 @@ from tests.integration.study import Study, scaled, surface
 def test_all_cases_are_folded_under_every_variant(study: Study) -> None:
     real = shutil.copy(study.folder / "surfaces/a.surf.gii", study.folder / "real_L.surf.gii")
     study.config["fold"] = {
+        "allow_volume": True,
         "cases": "all",
         "real_surfaces": {24.2: "real_{hemi}.surf.gii"},
         "end": 24.2,
@@ -66,7 +67,7 @@ def test_folds_of_cases_with_spheres_make_a_population(study: Study) -> None:
     study.write_cases(cases)
     study.config |= {
         "resample": {"subdivisions": 3},
-        "fold": {"cases": "all", "end": 24.1, "thickness": 3.0, "surfaces": [24.1]},
+        "fold": {"cases": "all", "allow_volume": True, "end": 24.1, "thickness": 3.0, "surfaces": [24.1]},
         "biomarkers": {"model": ["group"], "measures": ["depth", "area_growth"], "permutations": 20},
     }
     jobs = study.jobs_of_run("biomarkers", "methods")

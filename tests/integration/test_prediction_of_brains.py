@@ -23,7 +23,7 @@ def test_later_surfaces_of_a_series_are_predicted_and_compared(study: Study) -> 
     sheet = [["series", name, "L", age, "phantom", "phantom", str(labels), "yes", ""] for name, age in AGES.items()]
     (study.folder / "cohort.tsv").write_text("\n".join("\t".join(row) for row in [columns, *sheet]) + "\n")
     study.config["phantom"] = {"subdivisions": 4}
-    study.config["fold"] = {"end": 25.0, "thickness": 3.0, "frame_interval": 0.1}
+    study.config["fold"] = {"allow_volume": True, "end": 25.0, "thickness": 3.0, "frame_interval": 0.1}
     study.config["experiments"] = {
         "prediction": {"cell_size": 4.0, "rounds": 2, "until": 24.5, "kinds": ["mechanics", "path", "nothing"]}
         | {"uncertain": ["mechanics"], "variants": {"coarser": {"cell_size": 5.0, "core_stiffness": 0.3}}}

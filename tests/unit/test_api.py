@@ -280,15 +280,16 @@ def test_a_mesh_of_a_file_is_checked_and_what_is_none_is_said(
 
 def test_a_mesh_folds_from_the_age_it_was_made_at(made: cortet.Mesh, tmp_path: Path) -> None:
     said: list[float] = []
-    folded = cortet.fold(made, end=24.2, thickness=3.0, progress=lambda row, part, _: said.append(part))
+    small = {"thickness": 3.0, "allow_volume": True}
+    folded = cortet.fold(made, end=24.2, progress=lambda row, part, _: said.append(part), **small)
     assert folded.verdict["outcome"] == "folded" and said[-1] == 1
     assert folded.table["gestational_age"].iloc[[0, -1]].tolist() == pytest.approx([24, 24.2])
     assert folded.at(24.2).points.max() > made.points.max()  # it has grown
     assert "no element inverted" in folded._repr_html_()
-    kept = cortet.fold(made, folder=tmp_path / "run", end=24.1, thickness=3.0, progress=False)
+    kept = cortet.fold(made, folder=tmp_path / "run", end=24.1, progress=False, **small)
     assert (kept.folder / "fold.tsv").exists()
     saved = made.save(tmp_path / "made.inp")
-    read = cortet.fold(saved, end=24.1, thickness=3.0, progress=False)
+    read = cortet.fold(saved, end=24.1, progress=False, **small)
     assert read.table["gestational_age"].iloc[0] == pytest.approx(24) and read.hemi == made.hemi
     with pytest.raises(InputError, match="was made for a brain of 24 weeks, as its sidecar says, not 30"):
         cortet.fold(saved, 30)

@@ -41,7 +41,9 @@ from cortet.stages.generate import generate
 SHARED = Path(__file__).parents[3] / "shared/data"
 SPHERE5, CRL22 = SHARED / "tallinen/sphere5.mesh", SHARED / "fetal/CRL_STA22_left_white.surf.gii"
 #: a quick run: half a week, a row every tenth, a frame every fifth of one
-QUICK = Settings(gestational_age=22.0, end=22.5, thickness=3.0, record_interval=0.1, frame_interval=0.2)
+QUICK = Settings(
+    gestational_age=22.0, allow_volume=True, end=22.5, thickness=3.0, record_interval=0.1, frame_interval=0.2
+)
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +114,10 @@ def test_the_ball_grows_without_inversion(finished: tuple[Path, Verdict]) -> Non
 def test_a_run_says_how_thick_its_cortex_is(ball: TetMesh, tmp_path: Path) -> None:
     said: list[str] = []
     verdict = fold(
-        ball, tmp_path, Settings(gestational_age=22.0, hemisphere="L", end=22.01, model="braingrowth"), say=said.append
+        ball,
+        tmp_path,
+        Settings(gestational_age=22.0, allow_volume=True, hemisphere="L", end=22.01, model="braingrowth"),
+        say=said.append,
     )
     assert verdict.thickness_mm == pytest.approx(0.042 * verdict.length_mm, rel=0.01)
     assert said[0].startswith(f"the growing cortex is {verdict.thickness_mm:.2f} mm thick at the start: 0.042 of the")
@@ -212,7 +217,7 @@ def test_what_a_killed_process_was_writing_is_deleted_by_the_next(ball: TetMesh,
     for file in others:
         file.touch()
     assert len(list(tmp_path.rglob(".*"))) == 4
-    fold(ball, tmp_path, Settings(gestational_age=22.0, end=22.2, thickness=3.0))
+    fold(ball, tmp_path, Settings(gestational_age=22.0, allow_volume=True, end=22.2, thickness=3.0))
     assert sorted(tmp_path.rglob(".*")) == sorted(others)
 
 
@@ -266,7 +271,7 @@ def test_a_checkpoint_of_another_run_is_not_used(
     fold(
         ball,
         tmp_path,
-        Settings(gestational_age=22.0, end=22.4, thickness=3.0),
+        Settings(gestational_age=22.0, allow_volume=True, end=22.4, thickness=3.0),
         lambda measurements, *_: steps.append(measurements.step),
     )
     assert steps[0] == 0
@@ -274,7 +279,9 @@ def test_a_checkpoint_of_another_run_is_not_used(
 
 
 def test_it_ends_at_the_first_inverted_element_and_names_it(ball: TetMesh, tmp_path: Path) -> None:
-    settings = Settings(gestational_age=22.0, end=40.0, model="braingrowth", growth_rate=1000.0, record_interval=0.5)
+    settings = Settings(
+        gestational_age=22.0, allow_volume=True, end=40.0, model="braingrowth", growth_rate=1000.0, record_interval=0.5
+    )
     verdict = fold(ball, tmp_path, settings)
     assert verdict.outcome == "inverted"
     assert verdict.gestational_age < 40.0

@@ -32,7 +32,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A ball folded for two tenths of a week by the command."""
     folder = tmp_path_factory.mktemp("run")
     vtu.write(ball_mesh(2, radius=10.0), folder / "ball.vtu")
-    (folder / "fold.yaml").write_text("fold: {thickness: 3, frame_interval: 0.1}\n")
+    (folder / "fold.yaml").write_text("fold: {allow_volume: true, thickness: 3, frame_interval: 0.1}\n")
     write_surface(ball_surface(3, radius=14.0), folder / "real.surf.gii")
     options = ["--ga", "22", "--hemi", "L", "--end", "22.2", "--config", str(folder / "fold.yaml"), "--threads", "1"]
     options += ["--real", f"22.3={folder / 'real.surf.gii'}"]
@@ -218,7 +218,7 @@ def test_a_missing_series_is_named(tmp_path: Path) -> None:
 
 def test_an_inverted_element_shows_in_the_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     vtu.write(ball_mesh(2, radius=10.0), tmp_path / "ball.vtu")
-    (tmp_path / "fold.yaml").write_text("fold: {growth_rate: 1000}\n")
+    (tmp_path / "fold.yaml").write_text("fold: {allow_volume: true, growth_rate: 1000}\n")
     options = ["--ga", "22", "--config", str(tmp_path / "fold.yaml"), "--threads", "1"]
     assert main(["fold", str(tmp_path / "ball.vtu"), "-o", str(tmp_path / "out"), *options]) == 1
     assert "inverted (J = " in capsys.readouterr().out

@@ -60,7 +60,7 @@ def frame(folder: Path) -> TetMesh:
 
 def test_the_stress_is_the_one_that_moves_the_nodes() -> None:
     """Exactly so where elements are not smoothed."""
-    settings = Settings(gestational_age=22.0, end=23.0, thickness=3.0, model="braingrowth")
+    settings = Settings(gestational_age=22.0, allow_volume=True, end=23.0, thickness=3.0, model="braingrowth")
     run = prepared(ball_mesh(2, radius=10.0), settings)
     moment = beginning(run)
     advance_to(run, moment, time_of(22.3))
@@ -80,7 +80,9 @@ def test_the_stress_is_the_one_that_moves_the_nodes() -> None:
 
 
 def test_a_homogeneous_strain_has_the_same_stress_everywhere() -> None:
-    run = prepared(ball_mesh(2, radius=10.0), Settings(gestational_age=22.0, end=23.0, thickness=1e-3))
+    run = prepared(
+        ball_mesh(2, radius=10.0), Settings(gestational_age=22.0, allow_volume=True, end=23.0, thickness=1e-3)
+    )
     moment = beginning(run)
     moment.state.x[:] = moment.state.x @ np.array([[1.1, 0.05, 0.0], [0.0, 0.95, 0.0], [0.0, 0.0, 1.0]])
     measured(run, moment)
@@ -175,7 +177,7 @@ def test_a_new_fold_deletes_what_an_earlier_one_left_in_its_folder(
     assert main([*command, "28.1"]) == 1
     assert "replaced" not in caplog.text
     frame.unlink()
-    (tmp_path / "map.yaml").write_text("fold: {picture: depth}")
+    (tmp_path / "map.yaml").write_text("fold: {picture: depth, allow_volume: true}")
     assert main([*command, "28.1", "--surfaces", "28.1", "--config", str(tmp_path / "map.yaml")]) == 0
     assert f"again: an earlier fold is replaced (frames: 2, surfaces and maps: {len(MEASURES) + 1})" in caplog.text
     assert {path.name for files in weeks_in(tmp_path / "again") for path in files} == {
@@ -189,6 +191,8 @@ def test_a_new_fold_deletes_what_an_earlier_one_left_in_its_folder(
 
 
 def test_a_run_without_surfaces_has_no_stress(tmp_path: Path) -> None:
-    fold(ball_mesh(1, radius=10.0), tmp_path, Settings(gestational_age=22.0, end=22.1, thickness=3.0))
+    fold(
+        ball_mesh(1, radius=10.0), tmp_path, Settings(gestational_age=22.0, allow_volume=True, end=22.1, thickness=3.0)
+    )
     assert set(vtu.read(tmp_path / "frames/frame_0001.vtu").cell_data) == {"J", "growth"}
     assert SAME_AGE < 1e-3

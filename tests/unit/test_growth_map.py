@@ -29,7 +29,15 @@ from cortet.formats.gifti import write_surface
 from cortet.geometry.topology import vertex_normals
 from cortet.meshes import FloatArray, TetMesh, TriSurface
 
-THIN = Settings(gestational_age=22.0, end=22.5, thickness=3.0, record_interval=0.5, frame_interval=0.5, envelope=False)
+THIN = Settings(
+    gestational_age=22.0,
+    allow_volume=True,
+    end=22.5,
+    thickness=3.0,
+    record_interval=0.5,
+    frame_interval=0.5,
+    envelope=False,
+)
 
 
 def stretched(surface: TriSurface, *factors: float) -> TriSurface:

@@ -121,7 +121,7 @@ def contents(folder: Path) -> dict[str, str]:
 
 
 #: a command in a folder with a mesh of cortet's
-FOLD = "fold x.vtu --ga 30 --end 30.001 -o f"
+FOLD = "fold x.vtu --ga 20 --end 20.001 -o f"
 
 
 def run(words: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> int:

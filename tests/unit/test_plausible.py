@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -97,9 +98,20 @@ def test_another_unit_than_mm_is_refused(left: TetMesh, factor: float, unit: str
         check_mesh(TetMesh(factor * left.points, left.cells), LEFT)
 
 
-def test_a_volume_that_is_none_of_the_age_is_doubted(left: TetMesh) -> None:
-    (doubt,) = check_mesh(TetMesh(0.6 * left.points, left.cells), LEFT)
-    assert "a human hemisphere of 26 weeks some" in doubt
+def test_a_volume_that_is_not_of_the_age_is_refused_unless_allowed(left: TetMesh) -> None:
+    small = TetMesh(0.6 * left.points, left.cells)
+    with pytest.raises(InputError, match="mL, and a human hemisphere of 26 weeks"):
+        check_mesh(small, LEFT)
+    assert check_mesh(small, LEFT.with_keys(allow_volume=True)) == []
+    half_of_unknown_side = Settings(gestational_age=26.0)
+    assert check_mesh(left, half_of_unknown_side) == []
+
+
+def test_several_pieces_are_refused(left: TetMesh) -> None:
+    aside = left.points + np.array([200.0, 0, 0])
+    two = TetMesh(np.vstack([left.points, aside]), np.vstack([left.cells, left.cells + len(left.points)]))
+    with pytest.raises(InputError, match="2 separate pieces"):
+        check_mesh(two, LEFT.with_keys(allow_volume=True))
 
 
 def test_cells_as_coarse_as_the_cortex_are_doubted(left: TetMesh) -> None:
@@ -112,6 +124,7 @@ def test_a_fold_says_its_doubts_and_begins_none_that_is_refused(left: TetMesh, t
     said: list[str] = []
     fold(left, tmp_path, LEFT.with_keys(end=26.001), say=said.append)
     assert said[-1].startswith("warning: the cells are ")
+    assert json.loads((tmp_path / "verdict.json").read_text())["warnings"] == [said[-1].removeprefix("warning: ")]
     with pytest.raises(InputError, match="hemisphere R"):
         fold(left, tmp_path / "none", RIGHT)
     assert not (tmp_path / "none").exists()

@@ -43,7 +43,13 @@ from cortet.stages.transfer import transfer
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 SETTINGS = Settings(
-    gestational_age=22.0, end=23.0, thickness=3.0, record_interval=0.5, frame_interval=0.5, envelope=False
+    allow_volume=True,
+    gestational_age=22.0,
+    end=23.0,
+    thickness=3.0,
+    record_interval=0.5,
+    frame_interval=0.5,
+    envelope=False,
 )
 
 
