@@ -238,7 +238,7 @@ def convert(
     /,
     *,
     unit: Unit = "um",
-    source_unit: Unit = "um",
+    source_unit: Literal["mm", "m", "cm", "um"] | None = None,
     tags: Annotated[str | None, Parameter(metavar="VOLUME")] = None,
     _: Writes = Writes(),
 ) -> int:
@@ -251,7 +251,7 @@ def convert(
     unit
         Of a CARP file that is written (default: um).
     source_unit
-        Of a CARP file without a sidecar (default: um).
+        Of the coordinates of IN (default: as its sidecar says, else um for CARP and mm for others).
     tags
         Number the tetrahedra by the labels of this volume, not by their regions.
 
@@ -480,6 +480,11 @@ def _millimetres(depth: Below, found: SurfaceMap, thickness: float | None, mesh:
 
 def print_verdict(certificate: Certificate) -> None:
     """Print whether a mesh is certified, and if not, why; and what else should be known."""
+    from cortet.meshes import OUTERMOST
+
     print("certified" if certificate.certified else "NOT certified:")
+    for region in certificate.regions:
+        if region.name == OUTERMOST and (across := region.edges_across):
+            print(f"  elements across the {OUTERMOST}: 5th percentile {across.p5:g}, median {across.median:g}")
     for line in (*certificate.reasons, *certificate.remarks):
         print(f"  {line}")

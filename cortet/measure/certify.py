@@ -69,7 +69,7 @@ from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound
 from cortet.meshes import FloatArray, TetMesh, TriSurface, require_measurable
 from cortet.version import __version__
 
-VERSION: int = 10
+VERSION: int = 11
 
 #: of the content of certificate.json; raised where a key changes its name or meaning
 SCHEMA = 2
@@ -282,7 +282,7 @@ def certify(
         case=case,
         certified=all(check.passed for check in checks),
         reasons=tuple(_reason(check, places.get(check.id, "")) for check in checks if not check.passed),
-        remarks=remarks(reports, parameters or {}),
+        remarks=remarks(reports, parameters or {}, regions, cell_size),
         checks=checks,
         worst_elements=worst,
         valence_bound=valence_bound(around),

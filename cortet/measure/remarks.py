@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
+
+from cortet.measure.regions import RegionRecord
+from cortet.meshes import OUTERMOST
 
 #: a repair is worth a remark from this change of volume on, a surface that gave way from this share of the volume
 #: between it and the surface around it
 _REPAIRED, _EXCHANGED = 0.005, 0.05
+#: elements across the cortex below which its bending is too stiff
+_ACROSS = 2
 
 
-def remarks(reports: Mapping[str, Any], parameters: Mapping[str, Any]) -> tuple[str, ...]:
-    """Sentences on repairs and on inner surfaces that gave way, where they went far.
+def remarks(
+    reports: Mapping[str, Any],
+    parameters: Mapping[str, Any],
+    regions: Sequence[RegionRecord] = (),
+    cell_size: float | None = None,
+) -> tuple[str, ...]:
+    """Sentences on repairs and on inner surfaces that gave way, where they went far; and on a cortex of few elements.
 
     Parameters
     ----------
     reports, parameters : of the stages, as a certificate has them
+    regions : of the mesh
+    cell_size : mm
     """
-    return (*_repairs(reports.get("repair") or {}), *_gaps(reports, parameters))
+    return (*_repairs(reports.get("repair") or {}), *_gaps(reports, parameters), *_coarse(regions, cell_size))
 
 
 def _repairs(report: Mapping[str, Any]) -> Iterator[str]:
@@ -26,6 +38,14 @@ def _repairs(report: Mapping[str, Any]) -> Iterator[str]:
         change = one.get("relative_volume_change", 0.0)
         if abs(change) >= _REPAIRED:
             yield f"repair changed the volume of {name} by {change:+.1%}"
+
+
+def _coarse(regions: Sequence[RegionRecord], cell_size: float | None) -> Iterator[str]:
+    for region in regions:
+        across = region.edges_across
+        if region.name == OUTERMOST and across and across.median < _ACROSS:
+            size = f"; a cell size of {cell_size * across.median / _ACROSS:.2g} mm gives {_ACROSS}" if cell_size else ""
+            yield f"the {OUTERMOST} has a median of {across.median:g} elements across, too few for mechanics{size}"
 
 
 def _gaps(reports: Mapping[str, Any], parameters: Mapping[str, Any]) -> Iterator[str]:

@@ -11,14 +11,16 @@ import numpy as np
 from scipy.sparse import save_npz
 
 from cortet.errors import InputError, StageError
-from cortet.formats import FORMATS, format_of, require_holes
+from cortet.formats import FORMATS, Format, format_of, require_holes
 from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_folder, write_json
 from cortet.formats.hashing import array_sha256, mesh_sha256
-from cortet.formats.ownership import delete_made, may_write
+from cortet.formats.ownership import delete_made, final_name, may_write
+from cortet.formats.placement import UNITS
 from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL, with_surface
 from cortet.geometry.filling import require_body
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
+from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, MeshSets, TetMesh, TriSurface
 from cortet.solver_files.earlier import numbered_today
 from cortet.solver_files.fields import FieldSource, with_q, without_q
@@ -29,6 +31,7 @@ from cortet.solver_files.others import not_as_meant, seen_otherwise
 from cortet.solver_files.sets import named_sets, tagged
 from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar, sidecar_path
 from cortet.solver_files.verify import problems
+from cortet.stages.gate import require_size
 from cortet.stages.solver_ready import surface_nodes_first
 
 VERSION: int = 8
@@ -105,11 +108,11 @@ def export(
 def require_certified(mesh: TetMesh, certificate: Mapping[str, Any], path: Path, *, uncertified: bool) -> None:
     """Raise StageError if a certificate is of another mesh, or if it fails the mesh and `uncertified` is false."""
     if certificate.get("mesh_sha256") not in (None, mesh_sha256(mesh)):
-        raise StageError("the certificate is of another mesh", file=path, remedy="certify this one first")
+        raise StageError("the certificate is of another mesh", file=final_name(path), remedy="certify this one first")
     if not certificate["certified"] and not uncertified:
         raise StageError(
             "not certified, so not exported: " + "; ".join(certificate["reasons"]),
-            file=path,
+            file=final_name(path),
             remedy="set export.uncertified: true to write it anyway",
         )
 
@@ -147,7 +150,8 @@ def _write_verified(
         if form.has_unit and unit == "mm":  # it was read as micrometres
             back = replace(back, points=1000 * back.points)
         if broken := broken or [*not_as_meant(content, back, form), *seen_otherwise(folder / path.name, solver, back)]:
-            raise StageError("the written file is not what the solver reads: " + "; ".join(broken), file=path)
+            what = "the written file is not what the solver reads: " + "; ".join(broken)
+            raise StageError(what, file=final_name(path))
         matrices = {} if beside is None or not isinstance(back, TetMesh) else beside(back)
         names = {name: f"{path.name}.{name}.npz" for name in matrices}
         for name, matrix in matrices.items():
@@ -192,7 +196,7 @@ def _boundary(mesh: TetMesh) -> TriSurface:
 
 
 def convert(
-    source: Path, target: Path, *, unit: str = "um", source_unit: str = "um", tags: str | None = None
+    source: Path, target: Path, *, unit: str = "um", source_unit: str | None = None, tags: str | None = None
 ) -> list[str]:
     """Convert a mesh file to the format that the name of `target` selects, and verify the written file.
 
@@ -201,7 +205,9 @@ def convert(
 
     Parameters
     ----------
-    unit, source_unit : unit of the coordinates, for formats that do not state it; a sidecar of `source` has precedence
+    unit : of the coordinates of a CARP file that is written, mm or um
+    source_unit : one of `UNITS`, of the coordinates of `source`; None: as its sidecar says, else um for CARP and mm for
+        other formats, and a mesh that then has not the size of a brain is refused
     tags : field of tetrahedra whose labels take the place of the regions (`sets.tagged`)
 
     Returns
@@ -211,8 +217,8 @@ def convert(
     Raises
     ------
     InputError
-        a file name selects no format; or `source` cannot be read, holds a surface although `target` is a mesh, or holds
-        tetrahedra that fill no body
+        a file name selects no format; or `source` cannot be read, holds a surface although `target` is a mesh, has
+        inverted tetrahedra, has not the size of a brain, or holds tetrahedra that fill no body
     StageError
         the mesh has tetrahedra without volume, or the written file breaks a convention of its solver
     """
@@ -224,8 +230,7 @@ def convert(
             raise InputError("holds a surface, not a mesh", file=source, remedy="`cortet mesh` fills it")
         content = read_from.read(source)
     else:
-        options = {"unit": record.get("units", {}).get("coordinates", source_unit)} if read_from.has_unit else {}
-        content = read_from.read(source, **options)
+        content = _in_mm(read_from, source, record, source_unit)
         require_body(content, source, holes=True)
         surface_nodes = boundary_nodes(content)
         if surface_nodes[-1] != len(surface_nodes) - 1:
@@ -255,6 +260,28 @@ def convert(
     if isinstance(content, TetMesh) and not isinstance(back, TriSurface):
         done += left_out(content, back.mesh)
     return done
+
+
+def _in_mm(form: Format, source: Path, record: Mapping[str, Any], unit: str | None) -> TetMesh:
+    """The mesh of a file in mm; InputError if it cannot be one of a brain."""
+    if form.has_unit:
+        unit = unit or record.get("units", {}).get("coordinates", "um")
+    if form.has_unit and unit in ("mm", "um"):
+        mesh = form.read(source, unit=unit)
+    else:
+        mesh = form.read(source, **({"unit": "mm"} if form.has_unit else {}))
+        mesh = replace(mesh, points=UNITS[unit or "mm"] * mesh.points)
+    volumes = signed_volumes(mesh.points, mesh.cells)
+    if wrong := int((volumes <= 0).sum()):
+        what = f"{wrong} of its {len(volumes)} tetrahedra are inverted or have no volume"
+        raise InputError(what, file=source, remedy="`cortet improve` turns inverted ones, given the surface")
+    if unit is None and not record:
+        try:
+            require_size(np.ptp(mesh.points, axis=0), float(volumes.sum()) / 1000, option="--source-unit")
+        except InputError as error:
+            remedy = f"{error.remedy}; --source-unit mm takes any size"
+            raise InputError(error.what, file=source, remedy=remedy) from None
+    return mesh
 
 
 def _with_face_sets(mesh: TetMesh) -> tuple[TetMesh, str]:

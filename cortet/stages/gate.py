@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
@@ -44,7 +45,7 @@ class Gate(Section):
     allow_genus: NonNegativeInt = 0
     """Largest genus accepted. 0: a sphere, as a hemisphere must be."""
     unit: Literal[tuple(UNITS)] = "mm"  # type: ignore[valid-type]
-    """Unit of the coordinates of the input surfaces: mm, m or um. A column `unit` of the sheet overrides it."""
+    """Unit of the coordinates of the input surfaces: mm, m, cm or um. A column `unit` of the sheet overrides it."""
     affine: Path | Annotated[list[list[float]], Field(min_length=4, max_length=4)] | None = None
     """Coordinates are voxel indices: an image (.nii.gz, .mgz) with their voxel-to-mm affine, or its four rows. A column
     `affine` of the sheet, relative to its folder, overrides it. null: they are none."""
@@ -111,7 +112,7 @@ def gate(
         if reoriented := int((oriented.faces != used.faces).any(axis=1).sum()):
             logger.warning("%s: %d of %d triangles turned outward", source, reoriented, len(used.faces))
         if not inside:
-            _check_size(_extent(oriented), enclosed_volume(oriented.points, oriented.faces) / 1000)
+            require_size(_extent(oriented), enclosed_volume(oriented.points, oriented.faces) / 1000)
         repaired, crossing = _uncross(oriented, source)
     except InputError as error:
         raise InputError(error.what, file=source, remedy=error.remedy) from None
@@ -175,20 +176,17 @@ def _extent(surface: TriSurface) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _check_size(extents: tuple[float, float, float], volume: float) -> None:
-    """Raise InputError unless the size (mm, mL) is that of a brain or hemisphere."""
+def require_size(extents: Sequence[float], volume: float, *, option: str = "gate.unit") -> None:
+    """Raise InputError unless the size (mm, mL) is that of a brain or hemisphere; `option` names the unit instead."""
     extent = max(extents)
     if EXTENT_MM[0] <= extent <= EXTENT_MM[1] and VOLUME_ML[0] <= volume <= VOLUME_ML[1]:
         return
     usual = f"{EXTENT_MM[0]:g} to {EXTENT_MM[1]:g} mm and {VOLUME_ML[0]:g} to {VOLUME_ML[1]:g} mL"
-    unit = "voxels: apply the image's voxel-to-mm affine"
-    if EXTENT_MM[0] <= extent * 1000 <= EXTENT_MM[1]:
-        unit = "metres: multiply by 1000"
-    elif EXTENT_MM[0] <= extent / 1000 <= EXTENT_MM[1]:
-        unit = "micrometres: divide by 1000"
+    units = [unit for unit, factor in UNITS.items() if EXTENT_MM[0] <= extent * factor <= EXTENT_MM[1]]
+    named = f"if the coordinates are in {' or '.join(units)}, say so with {option}"
     raise InputError(
         f"{extent:.4g} mm long and {volume:.4g} mL, where a brain or hemisphere has {usual}",
-        remedy=f"coordinates must be mm; if these are {unit}",
+        remedy=named if units else "coordinates must be mm; of voxel indices give the image as gate.affine",
     )
 
 

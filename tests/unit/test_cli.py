@@ -428,7 +428,7 @@ def test_convert_writes_the_format_of_the_name_and_verify_reads_it_as_any_solver
 ) -> None:
     source, target = tmp_path / "cube.vtu", tmp_path / "cube.inp"
     vtu.write(cube_mesh(2), source)
-    assert main(["convert", str(source), str(target)]) == 0
+    assert main(["convert", str(source), str(target), "--source-unit", "mm"]) == 0
     assert f"{target}: written and verified" in capsys.readouterr().out
     assert main(["verify", str(target)]) == main(["verify", str(target), "--solver", "abaqus"]) == 0
     assert main(["verify", str(target), "--solver", "febio"]) == 1
@@ -441,7 +441,8 @@ def test_a_mesh_that_was_changed_after_cortet_wrote_it_is_told(
 ) -> None:
     vtu.write(cube_mesh(2), tmp_path / "a.vtu")
     exported = tmp_path / "cube.vtu"
-    assert main(["convert", str(tmp_path / "a.vtu"), str(exported)]) == main(["quality", str(exported)]) == 0
+    given = ["convert", str(tmp_path / "a.vtu"), str(exported), "--source-unit", "mm"]
+    assert main(given) == main(["quality", str(exported)]) == 0
     assert "changed after" not in "".join(capsys.readouterr())
     mesh = vtu.read(exported)
     vtu.write(replace(mesh, points=1.01 * mesh.points), exported)
@@ -462,7 +463,7 @@ def test_a_path_may_have_an_equals_sign() -> None:
 
 def test_convert_scales_carp_files_as_asked(tmp_path: Path) -> None:
     vtu.write(cube_mesh(1, side=2.0), tmp_path / "cube.vtu")
-    assert main(["convert", str(tmp_path / "cube.vtu"), str(tmp_path / "cube.pts"), "--unit", "um"]) == 0
+    assert main(["convert", str(tmp_path / "cube.vtu"), str(tmp_path / "cube.pts"), "--source-unit", "mm"]) == 0
     assert "2000 2000 2000" in (tmp_path / "cube.pts").read_text()
     assert main(["convert", str(tmp_path / "cube.pts"), str(tmp_path / "back.mesh")]) == 0
     assert "2.000000000 2.000000000 2.000000000" in (tmp_path / "back.mesh").read_text()
@@ -496,7 +497,7 @@ def test_a_reader_that_has_enough_is_no_error(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("step", "words"),
-    [("1", "the longest that a run of this mesh takes"), ("0", "fold.time_step = 0.0")],
+    [("1", "time step 1 "), ("1e-9", "time step 1e-09 "), ("0", "fold.time_step = 0.0")],
 )
 def test_a_time_step_that_is_not_stable_is_refused(
     step: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -97,10 +97,12 @@ def test_files_for_viewers_have_q_measured_anew(solver: str, tmp_path: Path) -> 
     wrong = replace(mesh, cell_data={**mesh.cell_data, "q": np.ones(len(mesh.cells))})
     vtu.write(wrong, tmp_path / "m.vtu")
     file = tmp_path / f"n{FORMATS[solver].suffix}"
-    convert(tmp_path / "m.vtu", file)
+    convert(tmp_path / "m.vtu", file, source_unit="mm")
     measured = quality(mesh.points, mesh.cells).astype(np.float32)
     assert np.array_equal(FORMATS[solver].read(file).cell_data["q"], measured)
-    assert not any("q" in told.split(": ")[-1].split(", ") for told in convert(file, tmp_path / "o.inp"))
+    assert not any(
+        "q" in told.split(": ")[-1].split(", ") for told in convert(file, tmp_path / "o.inp", source_unit="mm")
+    )
     assert "q" not in read_today(file)[0].cell_data
 
 
@@ -122,7 +124,7 @@ def test_every_format_is_made_of_another(tmp_path: Path, target: str) -> None:
         "carp": [one],
         "carp_binary": [one],
     }.get(target, [])
-    told = " ".join(convert(source, path, unit="mm"))
+    told = " ".join(convert(source, path, unit="mm", source_unit="mm"))
     assert all(f"left out, as {what}" in told for what in lacking) and bool(told) == bool(lacking)
     assert verify(path, target) == []
     record = json.loads(path.with_name(path.name + ".json").read_text())
@@ -137,7 +139,7 @@ def test_conversion_renumbers_and_names_sets_where_they_are_missing(tmp_path: Pa
     last = len(mesh.points) - 1
     swap = np.r_[last, np.arange(1, last), 0]
     vtu.write(TetMesh(mesh.points[swap], swap[mesh.cells]), tmp_path / "m.vtu")
-    done = convert(tmp_path / "m.vtu", tmp_path / "m.inp")
+    done = convert(tmp_path / "m.vtu", tmp_path / "m.inp", source_unit="mm")
     assert done == ["nodes were renumbered, those of the surface first", "it has no sets: the default ones were made"]
     assert verify(tmp_path / "m.inp", "abaqus") == []
 
@@ -145,7 +147,7 @@ def test_conversion_renumbers_and_names_sets_where_they_are_missing(tmp_path: Pa
 def test_a_vtu_file_keeps_all_sets_on_the_way_to_another_format(tmp_path: Path) -> None:
     mesh = full_mesh()
     export(mesh, tmp_path / "m.vtu", solver="vtu", certificate=CERTIFIED)
-    assert convert(tmp_path / "m.vtu", tmp_path / "m.inp") == []
+    assert convert(tmp_path / "m.vtu", tmp_path / "m.inp", source_unit="mm") == []
     found = FORMATS["abaqus"].read(tmp_path / "m.inp").sets
     assert {name: len(cells) for name, cells in found.cells.items() if name in mesh.sets.cells} == {
         name: len(cells) for name, cells in mesh.sets.cells.items()
@@ -159,7 +161,7 @@ def test_what_a_format_cannot_hold_is_told(tmp_path: Path, target: str) -> None:
     mesh = full_mesh()
     fields = {**mesh.cell_data, "stiffness": np.ones(len(mesh.cells))}
     vtu.write(replace(mesh, cell_data=fields), tmp_path / "m.vtu")
-    told = convert(tmp_path / "m.vtu", tmp_path / f"n{FORMATS[target].suffix}")
+    told = convert(tmp_path / "m.vtu", tmp_path / f"n{FORMATS[target].suffix}", source_unit="mm")
     assert [words for words in told if words == "left out, as the format has no fields of the tetrahedra: stiffness"]
 
 
@@ -169,7 +171,7 @@ def test_names_in_other_letters_become_plain_ones_and_this_is_told(tmp_path: Pat
     fields = {"dïcke": np.ones(len(mesh.points)), "dicke": np.zeros(len(mesh.points))}
     sets = MeshSets({"größe": np.arange(3, dtype=np.int32)})
     vtu.write(replace(mesh, point_data=fields, sets=sets), tmp_path / "m.vtu")
-    told = convert(tmp_path / "m.vtu", tmp_path / f"n{suffix}")
+    told = convert(tmp_path / "m.vtu", tmp_path / f"n{suffix}", source_unit="mm")
     assert {"dïcke is called dicke", "dicke is called dicke_2", "größe is called grosse"} <= set(told)
     back = format_of(tmp_path / f"n{suffix}").read(tmp_path / f"n{suffix}")
     assert back.point_data.keys() == {"dicke", "dicke_2"} and "grosse" in back.sets.nodes
@@ -181,7 +183,9 @@ def test_sets_of_a_mesh_without_faces_are_kept(tmp_path: Path) -> None:
     """As of a VTU file that another program wrote: sets of nodes and tetrahedra, none of faces."""
     mesh = full_mesh()
     vtu.write(replace(mesh, sets=MeshSets(mesh.sets.nodes, {}, mesh.sets.cells)), tmp_path / "m.vtu")
-    assert convert(tmp_path / "m.vtu", tmp_path / "m.inp") == ["sets of faces were made of its sets of nodes"]
+    assert convert(tmp_path / "m.vtu", tmp_path / "m.inp", source_unit="mm") == [
+        "sets of faces were made of its sets of nodes"
+    ]
     found = FORMATS["abaqus"].read(tmp_path / "m.inp").sets
     for name in mesh.sets.nodes.keys() - {"cortical_surface"}:  # without faces its rim is that of the medial wall
         assert np.array_equal(found.nodes[name], mesh.sets.nodes[name]), name
@@ -204,3 +208,23 @@ def test_a_surface_becomes_no_mesh(tmp_path: Path) -> None:
     assert verify(tmp_path / "ball.surf.gii", "gifti") == []
     with pytest.raises(InputError, match="holds a surface"):
         convert(tmp_path / "ball.stl", tmp_path / "ball.inp")
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("m", 1e-3), ("cm", 0.1), ("um", 1e3)])
+def test_a_foreign_mesh_in_another_unit_is_refused_until_its_unit_is_named(
+    tmp_path: Path, unit: str, factor: float
+) -> None:
+    ball = ball_mesh(2, radius=20.0)
+    vtu.write(replace(ball, points=factor * ball.points), tmp_path / "foreign.vtu")
+    with pytest.raises(InputError, match="foreign.vtu: .*--source-unit") as caught:
+        convert(tmp_path / "foreign.vtu", tmp_path / "x.inp")
+    assert f" {unit}" in caught.value.remedy
+    convert(tmp_path / "foreign.vtu", tmp_path / "x.vtu", source_unit=unit)
+    assert np.allclose(vtu.read(tmp_path / "x.vtu").points, ball.points, rtol=1e-6)
+
+
+def test_inverted_tetrahedra_of_a_foreign_mesh_are_those_of_the_input(tmp_path: Path) -> None:
+    ball = ball_mesh(2, radius=20.0)
+    vtu.write(replace(ball, cells=ball.cells[:, [1, 0, 2, 3]]), tmp_path / "foreign.vtu")
+    with pytest.raises(InputError, match="foreign.vtu: .*inverted.*cortet improve"):
+        convert(tmp_path / "foreign.vtu", tmp_path / "x.inp")

@@ -154,9 +154,10 @@ def scaled(factor: float) -> TriSurface:
         (torus(), "genus 1 .*at most 0 .*gate.allow_genus"),
         (flat_triangle(), r"1 triangles without area, the first is triangle 7 \["),
         (replace(hemisphere(), faces=np.vstack([hemisphere().faces, [5, 5, 9]])), "without area, .* 5120"),
-        (scaled(1 / 1000), "0.04 mm long .*these are metres"),
-        (scaled(1000), "e.04 mm long .*these are micrometres"),
-        (scaled(6), "240 mm long and 7.* mL.*voxels"),
+        (scaled(1 / 1000), "0.04 mm long .* in m, .*gate.unit"),
+        (scaled(1000), "e.04 mm long .* in um, .*gate.unit"),
+        (scaled(1 / 10), "4 mm long .* in cm, .*gate.unit"),
+        (scaled(6), "240 mm long and 7.* mL.*voxel"),
         (dented(60), r"triangles cross others, the first is \d+ at \[.*\] mm"),
     ],
 )

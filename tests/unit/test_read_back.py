@@ -126,7 +126,7 @@ def test_region_is_kept_where_no_names_are_known(tmp_path: Path) -> None:
     cube = surface_nodes_first(cube_mesh(2))[0]
     number = np.arange(len(cube.cells), dtype=np.int32) % 3
     vtu.write(replace(cube, cell_data={REGION: number}), tmp_path / "m.vtu")
-    told = convert(tmp_path / "m.vtu", tmp_path / "m.bdf")
+    told = convert(tmp_path / "m.vtu", tmp_path / "m.bdf", source_unit="mm")
     assert "regions are numbered from 1: 1 more than in the file" in told
     back = nastran.read(tmp_path / "m.bdf")
     assert np.array_equal(region_numbers(back), number + 1)
@@ -187,9 +187,9 @@ def slit(gap: float) -> TetMesh:
 def test_banks_that_cross_once_they_are_rounded_are_refused(suffix: str, tmp_path: Path) -> None:
     vtu.write(slit(1e-9), tmp_path / "m.vtu")
     with pytest.raises(StageError, match="triangles cross others with the coordinates of the file"):
-        convert(tmp_path / "m.vtu", tmp_path / f"n{suffix}")
+        convert(tmp_path / "m.vtu", tmp_path / f"n{suffix}", source_unit="mm")
     vtu.write(slit(1e-3), tmp_path / "m.vtu")
-    convert(tmp_path / "m.vtu", tmp_path / f"n{suffix}")
+    convert(tmp_path / "m.vtu", tmp_path / f"n{suffix}", source_unit="mm")
 
 
 def test_ten_nodes_for_gmsh_have_each_triangle_once_and_the_names_of_regions(tmp_path: Path) -> None:
@@ -234,7 +234,7 @@ def test_labels_that_a_file_cannot_hold_beside_its_regions_are_said_and_may_take
     suffix: str, tmp_path: Path
 ) -> None:
     export(model(), tmp_path / "m.vtu", solver="vtu", certificate=CERTIFIED)
-    told = convert(tmp_path / "m.vtu", tmp_path / f"m{suffix}")
+    told = convert(tmp_path / "m.vtu", tmp_path / f"m{suffix}", source_unit="mm")
     assert "left out, as an element has one number, and is in one set: tissue_left, tissue_right" in told
     assert "`cortet convert --tags tissue` writes labels of tissue in place of the regions" in told
     command = ["convert", str(tmp_path / "m.vtu"), str(tmp_path / f"n{suffix}"), "--tags", "tissue"]
@@ -285,7 +285,7 @@ def test_python_has_the_same_numbers_and_names(tmp_path: Path) -> None:
 def test_the_number_after_the_largest_byte_does_not_wrap(tmp_path: Path) -> None:
     mesh, half = model(), np.arange(384) < 192
     vtu.write(replace(mesh, cell_data={"tissue": np.where(half, 0, 255).astype(np.uint8)}), tmp_path / "in.vtu")
-    convert(tmp_path / "in.vtu", tmp_path / "out.bdf", tags="tissue")
+    convert(tmp_path / "in.vtu", tmp_path / "out.bdf", tags="tissue", source_unit="mm")
     assert regions(nastran.read(tmp_path / "out.bdf")) == {"tissue_255": 255, "tissue_0": 256}
 
 
@@ -315,7 +315,7 @@ def test_names_that_a_format_cannot_hold_are_said(name: str, plain: str, tmp_pat
     mesh, called = model(), "weiße, Substanz"
     cells = {called if one == "white" else one: part for one, part in mesh.sets.cells.items()}
     vtu.write(replace(mesh, sets=replace(mesh.sets, cells=cells)), tmp_path / "in.vtu")
-    told = convert(tmp_path / "in.vtu", out := tmp_path / f"out{FORMATS[name].suffix}")
+    told = convert(tmp_path / "in.vtu", out := tmp_path / f"out{FORMATS[name].suffix}", source_unit="mm")
     assert f"{called} is called {plain}" in told
     assert regions(FORMATS[name].read(out)) == {"cortex": 1, plain: 2}
 
@@ -350,7 +350,7 @@ def test_surface_groups_of_another_program_are_kept_beside_the_whole_surface(nam
     mesh = model()
     group = mesh.sets.faces["cortical_surface"][:10]
     vtu.write(replace(mesh, sets=MeshSets(faces={"inlet": group}, cells=mesh.sets.cells)), tmp_path / "in.vtu")
-    convert(tmp_path / "in.vtu", path := tmp_path / f"m{FORMATS[name].suffix}")
+    convert(tmp_path / "in.vtu", path := tmp_path / f"m{FORMATS[name].suffix}", source_unit="mm")
     faces = FORMATS[name].read(path).sets.faces
     assert len(faces["cortical_surface"]) == 192 and len(faces["inlet"]) == 10
 
@@ -378,7 +378,7 @@ def test_a_file_of_an_earlier_cortet_is_numbered_as_today(
         record = json.loads((tmp_path / "old.vtu.json").read_text())
         del record["regions"], record["surface"]
         (tmp_path / "old.vtu.json").write_text(json.dumps(record))
-    told = convert(tmp_path / "old.vtu", tmp_path / "new.feb")
+    told = convert(tmp_path / "old.vtu", tmp_path / "new.feb", source_unit="mm")
     assert told[0].startswith(
         "regions were numbered as by an earlier cortet, 1 core, 2 cortex; now they are 1 cortex, 2 "
     )
@@ -388,9 +388,11 @@ def test_a_file_of_an_earlier_cortet_is_numbered_as_today(
 
 def test_a_companion_that_was_edited_is_said(tmp_path: Path) -> None:
     export(model(), path := tmp_path / "m.pts", solver="carp", certificate=CERTIFIED)
-    assert not any("was changed" in line for line in convert(path, tmp_path / "before.vtu"))
+    assert not any("was changed" in line for line in convert(path, tmp_path / "before.vtu", source_unit="mm"))
     (tmp_path / "m.regions.tsv").write_text("tag\tname\n1\twhite\n2\tcortex\n")
-    assert convert(path, tmp_path / "after.vtu")[0].startswith("m.pts was changed after cortet wrote it")
+    assert convert(path, tmp_path / "after.vtu", source_unit="mm")[0].startswith(
+        "m.pts was changed after cortet wrote it"
+    )
 
 
 @pytest.mark.parametrize("name", [*FORMATS])
@@ -487,7 +489,7 @@ def test_an_export_that_lost_a_companion_or_was_edited_under_another_name_is_sai
         edited = FORMATS["vtk"].read(path)
         FORMATS["vtk"].write(replace(edited, points=edited.points + 1), path)
     assert changed_since(path) == said
-    told = convert(path, tmp_path / "o.vtu")
+    told = convert(path, tmp_path / "o.vtu", source_unit="mm")
     assert told[:1] == [f"{path.name} was {CHANGED}"] if said else not any(CHANGED in line for line in told)
 
 

@@ -145,7 +145,7 @@ def test_a_field_named_as_a_path_writes_nothing_elsewhere(mesh, tmp_path: Path) 
     folder = tmp_path / "deep" / "er"
     source = folder / "m.vtu"
     FORMATS["vtu"].write(replace(mesh, point_data={name: mesh.point_data["thickness"]}), source)
-    convert(source, folder / "out.pts")
+    convert(source, folder / "out.pts", source_unit="mm")
     outside = [path for path in tmp_path.rglob("*") if path.is_file() and path.parent != folder]
     assert outside == [tmp_path / "s.surf.gii"]
 
@@ -170,7 +170,7 @@ def test_a_sidecar_of_another_kind_is_refused(key: str, value: object, mesh, tmp
     sidecar_path(path).write_text(json.dumps({**record, key: value}))
     assert "is not a sidecar" in verify(path, "vtu")[0]
     with pytest.raises(InputError, match="is not a sidecar"):
-        convert(path, tmp_path / "n.mesh")
+        convert(path, tmp_path / "n.mesh", source_unit="mm")
 
 
 def test_a_sidecar_deletes_no_other_files_and_leads_to_no_device(mesh, tmp_path: Path) -> None:
