@@ -26,6 +26,8 @@ ABLATED = {
     STAGES["clean"].label: ("S1-S4", "+ cleaning (S4)"),
     STAGES["reconnect"].label: ("S1-S4+", "+ reconnection (S4+)"),
 }
+#: asks for what the paper compares
+_PAPER = "--config experiments='{settings: [default, cgal, published], ablation: {meshers: [cgal, tetgen]}}'"
 #: case, cell size in µm and mesher
 OfCase = tuple[Case, int, str]
 #: path of a quality record -> its origin, so that a table can also say whose record is missing
@@ -68,6 +70,12 @@ class Experiments:
         sizes |= {round(1000 * size): which for size, which in ablation.further.items()}
         return {res: self._cases(which) for res, which in sizes.items()}
 
+    @cached_property
+    def resolutions(self) -> list[int]:
+        """Cell sizes that are compared, µm."""
+        sizes = self.plan.config.experiments.resolution.cell_size
+        return [round(1000 * size) for size in sizes] or self.plan.resolutions
+
     def ablated(self, meshers: Iterable[str]) -> list[OfCase]:
         """Every mesh that the ablation takes from some meshers."""
         meshers = list(meshers)
@@ -109,9 +117,8 @@ class Experiments:
 
     def resolution_records(self) -> Records:
         """Quality records of the last meshes of every setting, by cell size."""
-        resolution = self.plan.config.experiments.resolution
-        sizes = [round(1000 * size) for size in resolution.cell_size]
-        return self._last_records((case, res) for case in self._cases(resolution.cases) for res in sizes)
+        cases = self._cases(self.plan.config.experiments.resolution.cases)
+        return self._last_records((case, res) for case in cases for res in self.resolutions)
 
     def measures_records(self) -> Records:
         """Quality records of the last meshes of every setting, for the table of other measures."""
@@ -155,17 +162,17 @@ class Experiments:
 
     def costs(self) -> list[str]:
         """What the meshes of the experiments take at most, by mesher, in words; whether or not they are there."""
-        sizes = [round(1000 * size) for size in self.plan.config.experiments.resolution.cell_size]
         compared = self._cases(self.plan.config.experiments.resolution.cases)
-        own = [*self.ablated(self.own_meshers), *itertools.product(compared, sizes, self.mesher_of.values())]
+        sizes = itertools.product(compared, self.resolutions, self.mesher_of.values())
+        own: list[OfCase] = [*self.ablated(self.own_meshers), *sizes]
         found: dict[str, list[float]] = {}
-        for case, res, mesher in {(case.name, *mesh): (case, *mesh) for case, *mesh in own}.values():
+        for case, res, mesher in {(case.name, res, mesher): (case, res, mesher) for case, res, mesher in own}.values():
             found.setdefault(mesher, []).append(self._seconds(case, res, mesher))
         said = [f"meshes of {name}: {len(all_of)}, {sum(all_of) / 60:.0f} CPU min" for name, all_of in found.items()]
         limit = self.plan.config.experiments.ablation.time_limit
         said += [f"of {name}: {len(self.ablated([name]))}, up to {limit} min each" for name in self.compared_meshers]
-        less = "; demo/quick.yaml asks for less" if len(self.plan.settings) > 1 else ""
-        return [f"the experiments take at most: {'; '.join(said)}{less}"]
+        others = "" if len(self.plan.settings) > 1 or self.compared_meshers else f"; to compare others: {_PAPER}"
+        return [f"the experiments take at most: {'; '.join(said)}{others}"]
 
     def _seconds(self, case: Case, res: int, mesher: str) -> float:
         """Most CPU time of the stages of a mesh, in all settings that run on it."""

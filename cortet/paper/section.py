@@ -15,9 +15,9 @@ class Ablation(Section):
     """Cases at the cell sizes of `generate`: all, a number of them spread over the ages, or a list of their names."""
     further: dict[CellSize, Cases] = {}
     """Further cell sizes, mm, and the cases that are meshed with each, e.g. {0.6: [sub-01_hemi-L]}."""
-    meshers: list[MesherName] = ["cgal", "tetgen"]
-    """Meshers beside those of `generate`, through the same S3 and S4: lattice, or with its own defaults one of tetgen,
-    ftetwild, gmsh and netgen. Where one of these four fails, a row of the table says so."""
+    meshers: list[MesherName] = []
+    """Further meshers, through the same S3 and S4: lattice, cgal, or with its own defaults one of tetgen, ftetwild,
+    gmsh and netgen. Where one of these four fails, a row of the table says so. The paper compares cgal and tetgen."""
     time_limit: PositiveInt = 60
     """Minutes that tetgen, ftetwild, gmsh or netgen may take for one surface."""
 
@@ -27,8 +27,8 @@ class Resolution(Section):
 
     cases: Cases = 3
     """Cases: all, a number of them spread over the ages, or a list of their names."""
-    cell_size: list[CellSize] = [0.4, 0.6, 0.8]
-    """Cell sizes h, mm."""
+    cell_size: list[CellSize] = []
+    """Cell sizes h, mm; empty: those of `generate`. The paper compares 0.4, 0.6 and 0.8."""
 
 
 class Measures(Section):
@@ -49,9 +49,9 @@ class Series(Section):
 class Experiments(Section):
     """The experiments of the paper, on this cohort: `snakemake tables figures`."""
 
-    settings: list[Setting] = ["default", "cgal", "published"]
-    """Settings to compare, from S3 on. Each is run on the meshes of its own mesher, so `cgal` and `published` on the
-    same ones, and on those of tetgen, ftetwild, gmsh and netgen."""
+    settings: list[Setting] = []
+    """Settings to compare with that of the run, from S3 on: default, cgal, published. Each is run on the meshes of its
+    own mesher, so `cgal` and `published` on the same ones, and on those of tetgen, ftetwild, gmsh and netgen."""
     reference_meshes: list[Path] = []
     """Tetrahedral meshes in the format of BrainGrowth (Tallinen), measured beside ours."""
     ablation: Ablation = Ablation()

@@ -37,6 +37,7 @@ def compared(finished: Study, tmp_path_factory: pytest.TempPathFactory) -> Study
     (folder / "netgen.py").write_text("raise ModuleNotFoundError(\"No module named 'netgen'\")")
     study = Study(folder)
     study.config["experiments"] = {
+        "settings": ["default", "cgal", "published"],
         "ablation": {"meshers": ["cgal", "tetgen", "netgen"]},
         "resolution": {"cases": 1, "cell_size": [4.0, 6.0]},
         "measures": {"cases": 1},

@@ -223,6 +223,6 @@ def test_the_experiments_say_what_their_meshes_cost_at_most() -> None:
     assert re.search(
         ": meshes of lattice: 1, .* CPU min; meshes of cgal: 1, .* CPU min; of tetgen: 1, up to 7 min", said
     )
-    assert "demo/quick.yaml" in said
-    ours = Plan({"": load({"output": "out"})}, (GOOD,), {})
-    assert "demo/quick.yaml" not in Experiments(ours).costs()[0]
+    assert "--config" not in said
+    (said,) = Experiments(Plan({"": load({"output": "out"})}, (GOOD,))).costs()
+    assert "cgal" not in said.partition("--config")[0] and "[default, cgal, published]" in said.partition("--config")[2]
