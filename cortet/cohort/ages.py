@@ -157,25 +157,26 @@ def _of_nobody(
     tables: Mapping[Session, Sequence[tuple[str, Path]]],
     read: Mapping[Path, _RowsByParticipant],
 ) -> list[str]:
-    """Rows that are about no session, of the tables of sessions that have no row, in words."""
-    told: dict[str, None] = {}
-    for lacking in sessions:
-        names = {path: table for table, path in tables[lacking] if read.get(path)}
-        if any(_rows_of(lacking, read[path]) for path in names):
-            continue
-        for path, table in names.items():
-            mine = [session for session in sessions if path in dict(tables[session]).values()]
-            matched = {row.line for session in mine for row in _rows_of(session, read[path])}
-            rows = [row for some in read[path].values() for row in some if row.line not in matched]
-            if rows:
-                shown = [f"line {row.line}, {' '.join(row.cells.values())!r}" for row in rows[:_MOST_ROWS]]
-                more = [f"and {len(rows) - _MOST_ROWS} more"] * (len(rows) > _MOST_ROWS)
-                told[
-                    f"{table}: {len(rows)} of its rows match no surface ({'; '.join(shown + more)}), and none is of "
-                    f"{_named(lacking)} (separate values by tabs; participant_id is the label of the folder, sub-..., "
-                    "session_id that of the session)"
-                ] = None
-    return list(told)
+    """Rows that match no session, of the tables of sessions that have no row, in words."""
+    told = []
+    asking: dict[Path, list[Session]] = {}
+    for session in sessions:
+        for _, path in tables[session]:
+            asking.setdefault(path, []).append(session)
+    lacking = [one for one in sessions if not any(_rows_of(one, read.get(path, {})) for _, path in tables[one])]
+    for table, path in dict.fromkeys(named for session in lacking for named in tables[session]):
+        matched = {row.line for session in asking[path] for row in _rows_of(session, read[path])}
+        rows = [row for some in read[path].values() for row in some if row.line not in matched]
+        if rows:
+            shown = [f"line {row.line}, {' '.join(row.cells.values())!r}" for row in rows[:_MOST_ROWS]]
+            more = [f"and {len(rows) - _MOST_ROWS} more"] * (len(rows) > _MOST_ROWS)
+            without = [_named(session) for session in lacking if session in asking[path]]
+            told.append(
+                f"{table}: {len(rows)} of its rows match no surface ({'; '.join(shown + more)}), and {len(without)} "
+                f"participants or sessions have no row, as {without[0]} (separate values by tabs; participant_id is "
+                "the label of the folder, session_id that of the session)"
+            )
+    return told
 
 
 def _rows_of(session: Session, rows: _RowsByParticipant) -> list[_Row]:

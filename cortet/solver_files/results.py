@@ -24,7 +24,7 @@ from cortet.geometry.interpolation import is_label
 from cortet.geometry.topology import edges, used_vertices
 from cortet.meshes import IntArray, TetMesh
 from cortet.solver_files.fields import Q, with_q
-from cortet.solver_files.surface_map import Depth, SurfaceMap
+from cortet.solver_files.surface_map import Depth, SurfaceMap, ToSurface
 
 #: largest difference of the ratio of two extents from that of two units
 _SAME_EXTENT = 1e-3
@@ -184,50 +184,57 @@ def on_surface(
     """
     mesh, order, last = found.mesh, None, None
     times: list[float | None] = []
-    done: list[dict[str, NDArray[np.float64]]] = []
-    labels: list[set[str]] = []
+    done: list[OnSurface] = []
     told: dict[str, None] = {}  # an ordered set
     weights = found.weights(depth)
     if missing := int((np.diff(weights.nodes.indptr) == 0).sum()):
         told[f"{missing:,} vertices have no value, NaN: their points are outside the mesh"] = None
-    left_out = {*mesh.sets.nodes, *mesh.sets.faces, *mesh.sets.cells}
     for given in steps:
         step = _as_it_began(given, mesh)
         if order is None or last is None or not _same_mesh(step.mesh, last):
             order = in_order(step.mesh, mesh, file=file, mesh_file=mesh_file)
             told |= dict.fromkeys(order.told)
         last = step.mesh
-        nodal, by_cell = {name: values[order.nodes] for name, values in last.point_data.items()}, {}
-        if order.cells is not None:
-            by_cell = {name: values[order.cells] for name, values in last.cell_data.items()}
-            # q of the mesh, as its own file has it, is no result
-            if Q in by_cell and np.array_equal(by_cell[Q], with_q(mesh).cell_data[Q]):
-                del by_cell[Q]
-        elif last.cell_data:
-            told |= {"its tetrahedra are not those of the mesh: fields of elements are left out": None}
-        if both := sorted(nodal.keys() & by_cell.keys()):
-            told |= {f"{', '.join(both)}: also of elements, left out": None}
-        every = {**by_cell, **nodal}
-        there = {
-            name: (weights.of_nodes if name in nodal else weights.of_cells)(values).astype(np.float64)
-            for name, values in every.items()
-            if name not in left_out and not holds_set(name)
-        }
-        tensors, lines = _of_tensors(there)
-        told |= dict.fromkeys(lines)
-        labels.append(set(in_components({name: there[name] for name in there if is_label(every[name])}, {1})))
-        own = in_components(there, {1})
         times.append(step.time)
-        done.append({name: values.ravel() for name, values in safely_named([*own.items(), *tensors.items()]).items()})
-    if not any(done):
+        done.append(_of_step(last, order, mesh, weights))
+        told |= dict.fromkeys(done[-1].told)
+    if not any(one.fields for one in done):
         raise InputError("holds no field of numbers", file=file, remedy="let the solver write one")
     endings = _endings(times)
     if len(set(endings)) < len(endings):
         told["several steps are of one time: names end in the number of the step, from 0"] = None
         endings = [f"_{number}" for number in range(len(times))]
-    steps_of = list(zip(endings, done, labels, strict=True))
-    fields = {name + ending: values for ending, some, _ in steps_of for name, values in some.items()}
-    return OnSurface(fields, {name + ending for ending, _, some in steps_of for name in some}, list(told))
+    ended = list(zip(endings, done, strict=True))
+    fields = {name + ending: values for ending, one in ended for name, values in one.fields.items()}
+    return OnSurface(fields, {name + ending for ending, one in ended for name in one.labels}, list(told))
+
+
+def _of_step(step: TetMesh, order: Order, mesh: TetMesh, weights: ToSurface) -> OnSurface:
+    """The fields of a step, in the order of `order`, at the vertices."""
+    told = []
+    nodal, by_cell = {name: values[order.nodes] for name, values in step.point_data.items()}, {}
+    if order.cells is not None:
+        by_cell = {name: values[order.cells] for name, values in step.cell_data.items()}
+        # q of the mesh, as its own file has it, is no result
+        if Q in by_cell and np.array_equal(by_cell[Q], with_q(mesh).cell_data[Q]):
+            del by_cell[Q]
+    elif step.cell_data:
+        told.append("its tetrahedra are not those of the mesh: fields of elements are left out")
+    if both := sorted(nodal.keys() & by_cell.keys()):
+        told.append(f"{', '.join(both)}: also of elements, left out")
+    sets = {*mesh.sets.nodes, *mesh.sets.faces, *mesh.sets.cells}
+    given = {name: values for name, values in {**by_cell, **nodal}.items() if name not in sets and not holds_set(name)}
+    there = {
+        name: (weights.of_nodes if name in nodal else weights.of_cells)(values).astype(np.float64)
+        for name, values in given.items()
+    }
+    own = in_components(there, {1})
+    labels = in_components({name: values for name, values in there.items() if is_label(given[name])}, {1})
+    tensors, lines = _of_tensors(there)
+    if taken := sorted(own.keys() & tensors.keys()):
+        told.append(f"{', '.join(taken)}: fields of the result; those of its tensors end in a number")
+    named = safely_named([*own.items(), *tensors.items()])
+    return OnSurface({name: values.ravel() for name, values in named.items()}, set(labels), [*told, *lines])
 
 
 def _endings(times: Sequence[float | None]) -> list[str]:

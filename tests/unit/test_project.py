@@ -372,6 +372,7 @@ def test_tensors_are_known_by_their_numbers(mesh: TetMesh, folder: Path, capsys:
     assert "s is read as xx, yy, zz, xy, yz, xz" in said and "F is not symmetric" in said
     assert found["s_principal_1"][0] == pytest.approx(np.linalg.eigvalsh([[1, 4, 6], [4, 2, 5], [6, 5, 3]])[2])
     assert "F_9" in found and "F_pressure" not in found
+    assert "s_pressure: fields of the result" in said
     assert found["s_pressure"] == pytest.approx(7) and found["s_pressure_2"] == pytest.approx(-2)
 
 
