@@ -70,7 +70,9 @@ def read_result(path: Path) -> Iterator[Step]:
     """
     check_file(path)
     if path.suffix.lower() in _EXODUS:  # a block for each region, which PyVista tears apart; meshio reads one time
-        raise InputError("is Exodus, which is not read", file=path, remedy="in ParaView, Merge Blocks, then save as PVD")
+        raise InputError(
+            "is Exodus, which is not read", file=path, remedy="in ParaView, Merge Blocks, then save as PVD"
+        )
     with TemporaryDirectory(prefix="cortet-result-") as folder:
         done = child.run([sys.executable, "-P", result_reader.__file__, str(path.absolute()), folder])
         if done.returncode:
