@@ -100,7 +100,8 @@ def write_cohort_page(
     panels = [Panel("cases", "Cases", _cases(rows, explained, list(counts)))]
     if figure:
         aged = "scan_age" in rows and (rows["scan_age"] != MISSING).any()
-        panels.append(Panel("age", "Against age" if aged else "By case", [("figure", {**_AGE, "svg": _figure(figure, "age")})]))
+        shown = ("figure", {**_AGE, "svg": _figure(figure, "age")})
+        panels.append(Panel("age", "Against age" if aged else "By case", [shown]))
     if maps:
         panels.append(Panel("maps", "On the common mesh", [("maps", [_map_picture(*one) for one in maps.items()])]))
     panels += [panel for part in more for panel in part.panels()]

@@ -14,7 +14,7 @@ from cortet.errors import StageError
 from cortet.geometry.mending import measurable
 from cortet.geometry.topology import boundary_surface, sheet, surface_topology
 from cortet.measure.lost import distances_to
-from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface, region_names
+from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface
 from cortet.report import pages
 from cortet.report.boundary_view import colour_scale
 from cortet.report.pages import SIDES
@@ -67,33 +67,44 @@ def of_input(surface: TriSurface) -> list[Picture]:
     topology = surface_topology(surface.faces)
     wrong = "open or branching edges in orange" if topology.open_edges + topology.nonmanifold_edges else ""
     return [
-        captioned(surface_view(surface, side=side), f"Input surface from the {word}", wrong)
+        captioned(surface_view(surface, side=side), f"Input surface from the {word}, anterior {word}", wrong)
         for side, word in SIDES.items()
     ]
 
 
 def of_mesh(mesh: TetMesh, meshed: TriSurface) -> list[Picture]:
-    """The mesh cut open, its regions, and the surfaces that were meshed in the colours of their distance to it."""
+    """The mesh cut open, and the surfaces that were meshed in the colours of their distance to it."""
     cut = captioned(
         cut_view(mesh), "Mesh, cut open halfway to the front", "each tetrahedron in the colour of its q", scaled=True
     )
     boundary, _ = boundary_surface(mesh)
-    return [cut, *_of_regions(mesh, meshed), *_by_distance(meshed, boundary, "Meshed surface", "the mesh")]
+    return [cut, *_of_inner(mesh, meshed), *_by_distance(meshed, boundary, "Meshed surface", "the mesh")]
 
 
-def _of_regions(mesh: TetMesh, meshed: TriSurface) -> list[Picture]:
-    """The cut in the colours of the regions, and each inner surface in the colours of its distance to its interface."""
+def of_sections(mesh: TetMesh, names: list[str]) -> list[Picture]:
+    """Sections through the middle of the mesh, its regions in colours; names are those of the regions, if several."""
+    from cortet.report.slices import PLANES, middle_of, section, where
+
+    regions = f"; {_colours(names)}" if len(names) > 1 else ""
+    return [
+        captioned(section(mesh, plane, position), f"{plane.capitalize()}, {where(across, position)}{regions}")
+        for plane, (across, _, _) in PLANES.items()
+        for position in [middle_of(mesh, plane)]
+    ]
+
+
+def _colours(names: list[str]) -> str:
+    return ", ".join(f"{name} {COLOUR_NAMES[number % len(COLOUR_NAMES)]}" for number, name in enumerate(names))
+
+
+def _of_inner(mesh: TetMesh, meshed: TriSurface) -> list[Picture]:
+    """Each inner surface in the colours of its distance to its interface."""
     if not meshed.inner or REGION not in mesh.cell_data:
         return []
-    names = region_names(meshed.inner)
-    colours = ", ".join(f"{i + 1} {name} {COLOUR_NAMES[i % len(COLOUR_NAMES)]}" for i, name in enumerate(names))
     return [
-        captioned(cut_view(mesh, regions=True), "Regions", colours),
-        *(
-            picture
-            for number, (name, inner) in enumerate(meshed.inner.items(), start=1)
-            for picture in _by_distance(inner, sheet(mesh, number)[0], f"Inner surface {name}", "the interface")
-        ),
+        picture
+        for number, (name, inner) in enumerate(meshed.inner.items(), start=1)
+        for picture in _by_distance(inner, sheet(mesh, number)[0], f"Inner surface {name}", "the interface")
     ]
 
 

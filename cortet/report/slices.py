@@ -1,10 +1,10 @@
-"""The picture by which people check a mesh: slices of an image, overlaid with the cut through the mesh."""
+"""The pictures by which people check a mesh: plane sections through its tetrahedra, alone or over an image."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +12,29 @@ from numpy.typing import NDArray
 from cortet.formats.atomic import atomic_path
 from cortet.formats.volumes import Volume, to_scanner
 from cortet.geometry.voxels import in_voxels
-from cortet.meshes import CoordinateFrame, FloatArray, IntArray, TetMesh
+from cortet.meshes import REGION, CoordinateFrame, FloatArray, IntArray, TetMesh
+from cortet.report.colours import GREY
 from cortet.report.render import REGION_COLOURS
 
-VERSION: int = 2
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
-#: planes by the axis across them, the axes that run right and up in the picture, and their names
-_PLANES = ((0, 1, 2, "x"), (1, 0, 2, "y"), (2, 0, 1, "z"))
+VERSION: int = 3
+
+#: planes by name: the axis across them, and the axes that run right and up in the picture
+PLANES = {"sagittal": (0, 1, 2), "coronal": (1, 0, 2), "axial": (2, 0, 1)}
+#: what stands at the axes of a picture, RAS coordinates
+_AXES = (
+    "left \u2190 x (mm) \u2192 right",
+    "posterior \u2190 y (mm) \u2192 anterior",
+    "inferior \u2190 z (mm) \u2192 superior",
+)
 #: margin around the mesh, mm; samples of the image per voxel; how pale its labels are, and how dark edges of the mesh
 _MARGIN, _SAMPLES, _PALE, _DARK = 3.0, 2, 0.45, 0.6
-#: pixels per inch, and inches of one slice
-_DPI, _INCHES = 150, 6.0
+#: pixels per inch; inches of one slice, and of a section alone
+_DPI, _INCHES, _SECTION = 150, 6.0, 4.5
+#: width of the edges in a section, points
+_LINE = 0.25
 #: edges of a tetrahedron, and for each number of corners above the plane, sorted, those that meet it, in a ring
 _ONE_ABOVE, _TWO_ABOVE = ((0, 1), (0, 2), (0, 3)), ((0, 2), (0, 3), (1, 3), (1, 2))
 
@@ -52,10 +64,11 @@ def slices(mesh: TetMesh, name: str, volume: Volume, path: str | Path, frame: Co
     colours = _colours(keys)
     low, high = points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
     middle = (low + high) / 2
-    widths = [(high - low)[right] / (high - low)[up] for _, right, up, _ in _PLANES]
+    widths = [(high - low)[right] / (high - low)[up] for _, right, up in PLANES.values()]
     figure = Figure(figsize=(_INCHES * sum(widths) + 3, _INCHES + 1.2), dpi=_DPI, layout="constrained")
     FigureCanvasAgg(figure)
-    for axes, (across, right, up, letter) in zip(figure.subplots(1, 3, width_ratios=widths), _PLANES, strict=True):
+    panes = zip(figure.subplots(1, 3, width_ratios=widths), PLANES.items(), strict=True)
+    for axes, (title, (across, right, up)) in panes:
         plane = _image(volume, low, high, middle, (across, right, up))
         extent = (low[right], high[right], low[up], high[up])
         if labelled:
@@ -67,9 +80,8 @@ def slices(mesh: TetMesh, name: str, volume: Volume, path: str | Path, frame: Co
             lines = [_darker(colours[key] if labelled else "#D55E00") for key in label.tolist()]
             flat: Any = ring[:, :, [right, up]]
             axes.add_collection(PolyCollection(flat, facecolors="none", edgecolors=lines, linewidths=0.5))
-        axes.set_title(f"{letter} = {middle[across]:.1f} mm".replace("-", "\N{MINUS SIGN}"))
-        axes.set_xlabel("xyz"[right] + " (mm)")
-        axes.set_ylabel("xyz"[up] + " (mm)")
+        axes.set_title(f"{title}, {where(across, middle[across])}")
+        axes.set(xlabel=_AXES[right], ylabel=_AXES[up])
         axes.set_facecolor("white" if labelled else "black")
     figures.letter(figure.axes, size=14)
     shown = [Patch(color=colours[key], label=volume.names.get(key, str(key) if key else "no label")) for key in keys]
@@ -77,6 +89,45 @@ def slices(mesh: TetMesh, name: str, volume: Volume, path: str | Path, frame: Co
         figure.legend(handles=shown[:20], loc="outside lower center", ncols=10, frameon=False)
     with atomic_path(path) as temporary:
         figure.savefig(temporary, format="png", bbox_inches="tight", metadata={"Software": None})
+
+
+def where(across: int, position: float) -> str:
+    """The plane of a section: ``y = -3.0 mm``, with a true minus sign."""
+    return f"{'xyz'[across]} = {position:.1f} mm".replace("-", "\N{MINUS SIGN}")
+
+
+def middle_of(mesh: TetMesh, plane: str) -> float:
+    """Position of a plane of `PLANES` through the middle of a mesh, mm."""
+    along = mesh.points[:, PLANES[plane][0]]
+    return float(along.min() + along.max()) / 2
+
+
+def draw_section(axes: Axes, mesh: TetMesh, plane: str, position: float) -> None:
+    """Draw the section of a mesh by a plane of `PLANES`: tetrahedra in the colours of their regions; axes in mm."""
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import to_rgb
+
+    across, right, up = PLANES[plane]
+    region = np.asarray(mesh.cell_data.get(REGION, np.ones(len(mesh.cells))), int)
+    fills = np.array([to_rgb(colour) for colour in (REGION_COLOURS if REGION in mesh.cell_data else [GREY])])
+    for cell, ring in cut(mesh.points, mesh.cells, across, position):
+        flat: Any = ring[:, :, [right, up]]
+        fill = fills[(region[cell] - 1) % len(fills)]
+        axes.add_collection(PolyCollection(flat, facecolors=fill, edgecolors=_DARK * fill, linewidths=_LINE))
+    axes.autoscale_view()
+    axes.set(aspect="equal", xlabel=_AXES[right], ylabel=_AXES[up])
+
+
+def section(mesh: TetMesh, plane: str, position: float) -> NDArray[np.uint8]:
+    """The picture of a section, as `draw_section` draws it: (height, width, 4)."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(_SECTION, _SECTION), dpi=_DPI, layout="constrained")
+    canvas = FigureCanvasAgg(figure)
+    draw_section(figure.subplots(), mesh, plane, position)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())
 
 
 def cut(points: FloatArray, cells: IntArray, axis: int, position: float) -> list[tuple[NDArray[np.intp], FloatArray]]:

@@ -168,7 +168,7 @@ def test_a_page_is_the_same_file_every_time(tmp_path: Path, page: str, certifica
 
 def test_every_picture_has_its_words(page: str) -> None:
     pictures = re.findall(r"<img [^>]*>", page)
-    assert len(pictures) == 5
+    assert len(pictures) == 8
     assert all(re.search(r'alt="[^"]{10,}"', picture) for picture in pictures)
     charts = re.findall(r'<figure role="img" aria-label="([^"]*)">', page)
     assert len(charts) == 2 and all("This mesh:" in words for words in charts)

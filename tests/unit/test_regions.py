@@ -409,7 +409,7 @@ def test_the_page_shows_regions_and_thin_places(pair, meshed, tmp_path):
     certificate = asdict(meshed.certificate)
     write_case_page(meshed.mesh, pair, certificate, tmp_path / "a.html", meshed=meshed.surface)
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
-    assert "Regions, 1 cortex orange, 2 white blue" in page and "Inner surface white, left" in page
+    assert "cortex orange, white blue" in page and "Coronal, y = " in page and "Inner surface white, left" in page
     assert "Thinnest places of cortex around white" in page and "4.0" in page
 
 

@@ -9,10 +9,14 @@ import matplotlib.image
 import numpy as np
 import pytest
 from cubes import cube_mesh
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
 
 from cortet.errors import InputError
 from cortet.meshes import REGION, TetMesh
-from cortet.report.render import _aim, _bar, _cut, _directions, off_screen, picture
+from cortet.report.colours import GREY
+from cortet.report.render import REGION_COLOURS, _aim, _bar, _cut, _directions, off_screen, picture
+from cortet.report.slices import draw_section, middle_of, section
 
 
 @pytest.fixture(autouse=True)
@@ -102,3 +106,22 @@ def test_a_cut_has_a_scale_bar_in_its_plane_and_says_where_anterior_is() -> None
         assert _directions(plotter.camera) == ["anterior towards you", "superior up", "left on the right"]
         _aim(plotter.camera, mesh.points, 0, -1, width_to_height=1, above=0, beside=0)
         assert _directions(plotter.camera)[0] == "anterior on the left"
+
+
+def test_a_section_has_the_colours_of_its_regions_the_area_of_the_cut_and_axes_that_say_anterior() -> None:
+    mesh = cube_mesh(4, side=10.0)
+    assert middle_of(mesh, "coronal") == 5.0
+    region = np.where(mesh.points[mesh.cells].mean(axis=1)[:, 2] > 5, 1, 2)
+    for given, colours in (({REGION: region}, set(REGION_COLOURS[:2])), ({}, {GREY})):
+        axes = Figure().subplots()
+        draw_section(axes, replace(mesh, cell_data=given), "sagittal", 4.0)
+        assert {to_hex(fill).upper() for one in axes.collections for fill in one.get_facecolors()} == colours
+        rings = [path.vertices[:-1] for one in axes.collections for path in one.get_paths()]
+        assert sum(_area(ring) for ring in rings) == pytest.approx(100)
+        assert axes.get_xlabel().endswith("anterior") and "(mm)" in axes.get_ylabel()
+    assert section(mesh, "axial", 4.0).std() > 0
+
+
+def _area(ring: np.ndarray) -> float:
+    x, y = ring.T
+    return abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1))) / 2
