@@ -44,7 +44,7 @@ onstart:
 def say_what_became_of_it():
     """Say it as `cortet run` does, which says it itself."""
     if not is_held_by_parent():
-        logger.warning(outcome(with_failures(PLAN), page="cohort_page" in ASKED))
+        logger.warning(outcome(with_failures(PLAN), Path(OUT), page="cohort_page" in ASKED))
 
 
 onsuccess:

@@ -209,7 +209,7 @@ def run(
     if alone and (without := [name for name, state in app.states_of(plan, names).items() if state == "unfinished"]):
         print(f"no mesh yet: {', '.join(without)} (the level participant makes them)")
     if not dry_run:
-        print(app.outcome(plan, page="group" in asked, names=names))
+        print(app.outcome(plan, output_dir, page="group" in asked, names=names))
     return int(code != 0)
 
 

@@ -11,6 +11,7 @@ import os
 import re
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -330,22 +331,22 @@ def require_plain_python(python: str = sys.executable) -> None:
         )
 
 
-def outcome(plan: Plan, *, page: bool, names: Collection[str] | None = None) -> str:
+def outcome(plan: Plan, output: Path, *, page: bool, names: Collection[str] | None = None) -> str:
     """What became of the cases of a run, as the table of states says it, and where to look.
 
     Parameters
     ----------
     plan : with its failures
+    output : its output folder, as the user named it
     page : whether the run made the page of the cohort
     names : of the cases that the run was asked for; None: all
     """
     states = states_of(plan, names)
-    words = ", ".join(
-        f"{count} {_IN_WORDS[state]}" for state in _IN_WORDS if (count := [*states.values()].count(state))
-    )
+    counts = Counter(states.values())
+    words = ", ".join(f"{counts[state]} {word}" for state, word in _IN_WORDS.items() if counts[state])
     files = " ".join(f"*Solver_{end}" for end, form in EXPORTED.items() if form in plan.config.export.formats)
-    look = f"open {plan.layout.cohort_page}; " if page and Path(plan.layout.cohort_page).is_file() else ""
-    meshes = f"meshes: {plan.layout.output}/sub-*/**/mesh/{files}"
+    look = f"open {output}/cohort/index.html; " if page and Path(plan.layout.cohort_page).is_file() else ""
+    meshes = f"meshes: {output}/sub-*/**/mesh/{files}"
     return f"{len(states)} {'case' if len(states) == 1 else 'cases'}: {words}; {look}{meshes}"
 
 

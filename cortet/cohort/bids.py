@@ -36,6 +36,7 @@ IGNORED = (
     "*_white.json",
     "*.surf.gii",
     "mesh",
+    "outdated",
     "cohort",
     "simulation",
     "prediction",

@@ -8,7 +8,6 @@ deleted.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from itertools import product
 from pathlib import Path
 
 from cortet.cohort.jobs import Mesh
@@ -69,12 +68,15 @@ def _has_changed(plan: Plan, mesh: Mesh) -> bool:
 
 
 def _results(plan: Plan, mesh: Mesh, settings: Iterable[str]) -> Iterator[Path]:
-    """The mesh at the end of the line in some settings, and what was made of it: exports, certificate, page, folds."""
+    """The mesh at the end of the line in the settings that have a certificate, and what was made of it."""
     case, res, mesher = mesh
+    folder = Path(plan.layout.output) / plan.cases[case].folder
     labels = ["Solver", *(neighbour.label for neighbour in neighbours() if neighbour.label)]
-    for setting, label in product(settings, labels):
-        pattern = f"{case}_res-{res}um_desc-{mesher}{setting}{label}*"
-        yield from (Path(plan.layout.output) / plan.cases[case].folder).glob(f"*/{pattern}")
+    for setting in settings:
+        name = f"{case}_res-{res}um_desc-{mesher}{setting}"
+        if (folder / f"mesh/{name}{_CERTIFICATE}").exists():
+            for label in labels:
+                yield from folder.glob(f"*/{name}{label}*")
 
 
 def _without_row(plan: Plan) -> list[tuple[str, Path]]:

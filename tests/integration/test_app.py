@@ -64,6 +64,24 @@ def run(installed: Path, *arguments: str, cwd: Path) -> subprocess.CompletedProc
     return subprocess.run([*command, *options], cwd=cwd, env=environment, capture_output=True, text=True, check=False)
 
 
+def test_a_run_of_one_participant_leaves_tables_of_all_that_are_there(
+    installed: Path, dataset: Path, tmp_path: Path
+) -> None:
+    for session in ("b", "a"):
+        label = ["--participant-label", "01", "--session-label", session]
+        done = run(installed, "bids", "out", *label, cwd=tmp_path)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert done.stdout.splitlines()[-1].startswith("1 case: 1 certified; ")
+    assert run(installed, "bids", "out", "--participant-label", "02", cwd=tmp_path).returncode == 1
+    rows = [line.split("\t") for line in (tmp_path / "out/cohort/cohort_status.tsv").read_text().splitlines()]
+    states = {row[0]: row[rows[0].index("state")] for row in rows[1:]}
+    assert states == {
+        "sub-01_ses-a_hemi-L": "certified",
+        "sub-01_ses-b_hemi-L": "certified",
+        "sub-02_hemi-L": "failed",
+    }
+
+
 def test_participants_then_the_group_with_the_conventional_words(
     installed: Path, dataset: Path, tmp_path: Path
 ) -> None:
@@ -90,7 +108,7 @@ def test_participants_then_the_group_with_the_conventional_words(
     assert group.returncode == 0, group.stdout + group.stderr
     assert group.stdout.splitlines()[-2:] == [
         "no mesh yet: sub-01_ses-b_hemi-L, sub-02_hemi-L (the level participant makes them)",
-        "3 cases: 1 certified, 2 without a mesh; open out/cohort/index.html",
+        "3 cases: 1 certified, 2 unfinished; open out/cohort/index.html; meshes: out/sub-*/**/mesh/*Solver_sets.vtu",
     ]
     assert len(list(out.rglob("*Solver_sets.vtu"))) == 1, "it makes no mesh"
 
@@ -98,7 +116,7 @@ def test_participants_then_the_group_with_the_conventional_words(
     assert all_of_them.returncode == 1
     lines = all_of_them.stdout.splitlines()
     assert any(re.match("[12]/2  sub-02_hemi-L  failed in repair: ", line) for line in lines), "a line per case"
-    assert lines[-1] == "3 cases: 2 certified, 1 without a mesh; open out/cohort/index.html" and len(lines) < 12
+    assert lines[-1].startswith("3 cases: 2 certified, 1 failed; open out/cohort/index.html; ") and len(lines) < 12
     assert {path: path.stat().st_mtime_ns for path in before} == before, "what was done is not done again"
     assert len(list(out.rglob("*Solver_tetmesh.inp"))) == 2
     states = [line.split("\t") for line in (out / "cohort/cohort_status.tsv").read_text().splitlines()]

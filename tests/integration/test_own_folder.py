@@ -85,10 +85,11 @@ def test_ctrl_c_is_no_failure_and_the_next_run_goes_on(study: Path) -> None:
         os.killpg(run.pid, signal.SIGINT)
         said = run.stdout.read().splitlines()
     assert said[-1].startswith("stopped by you after ") and "failed" not in "".join(said), said
-    assert said[-2].startswith("1 case: 1 without a mesh; ")
+    assert said[-2].startswith("1 case: 1 unfinished; ")
     table = (study / STATUS).read_text() if (study / STATUS).exists() else "unfinished"
     assert "unfinished" in table and "failed" not in table
 
     done = snakemake(study, STATUS)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.splitlines()[-1] == "1 case: 1 certified; meshes and their pages: derivatives/cortet/sub-*/"
+    meshes = "derivatives/cortet/sub-*/**/mesh/*Solver_sets.vtu"
+    assert done.stdout.splitlines()[-1] == f"1 case: 1 certified; meshes: {meshes}"

@@ -126,8 +126,8 @@ def test_the_last_line_of_a_run_counts_what_the_table_of_states_says(tmp_path: P
     certificate = Path(next(iter(plan.each_case(plan.layout.certificate).values())))
     certificate.parent.mkdir(parents=True)
     certificate.write_text('{"certified": true}')
-    assert outcome(plan, page=True).startswith(f"1 case: 1 certified; open {page}; meshes: ")
-    assert "index.html" not in outcome(plan, page=False)
+    assert outcome(plan, tmp_path, page=True).startswith(f"1 case: 1 certified; open {page}; meshes: ")
+    assert "index.html" not in outcome(plan, tmp_path, page=False)
     failed = {"stage": "repair", "state": "failed", "reason": "truncated"}
     since = replace(plan, failures={("sub-01_hemi-L", 600, "lattice"): failed})
-    assert outcome(since, page=False).startswith("1 case: 1 failed; ")
+    assert outcome(since, tmp_path, page=False).startswith("1 case: 1 failed; ")
