@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -330,3 +332,31 @@ def test_the_interface_is_listed_and_nothing_else_is_public() -> None:
 def test_an_age_that_is_no_number_is_refused_in_words(ball: TriSurface, age: object) -> None:
     with pytest.raises(InputError, match=r"the gestational age in weeks is .*, not a number \(use 12 to 60\)"):
         cortet.mesh(ball, COARSE, ga=age)  # type: ignore[arg-type]
+
+
+def test_a_full_disk_loses_neither_the_mesh_that_was_there_nor_its_certificate(
+    made: cortet.Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def files() -> dict[str, bytes]:
+        return {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+
+    path = made.save(tmp_path / "x.vtu")
+    before, write_text = files(), Path.write_text
+    finer = cortet.mesh(made.native["cortex"], cell_size=3.5, progress=False)
+    count = 0
+
+    def full_after(file: Path, *text: str, **how: str) -> int:
+        nonlocal count
+        count -= 1
+        if count == 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
+        return write_text(file, *text, **how)
+
+    monkeypatch.setattr(Path, "write_text", full_after)
+    for number in (1, 2, 3):  # the certificate, the sidecar, and the list of the files that cortet made
+        count = number
+        with pytest.raises(InputError, match=r"x\.\S+: cannot be written, as its disk has only .* MB left"):
+            finer.save(path, force=True)
+        assert files() == before
+    finer.save(path, force=True)
+    assert files().keys() == before.keys() and files() != before

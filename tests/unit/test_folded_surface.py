@@ -30,7 +30,7 @@ from cortet.meshes import TetMesh
 from cortet.solver_files.results import symmetric
 from cortet.solver_files.surface_map import map_of_file
 
-RADIUS, START, END = 14.0, 28.0, 28.4
+RADIUS, START, END = 20.0, 28.0, 28.4
 MM = 1e-4  # of float32 in the files
 
 
@@ -43,7 +43,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     image.meta["AnatomicalStructurePrimary"] = "CortexLeft"
     image.darrays[0].meta["AnatomicalStructureSecondary"] = "GrayWhite"
     path.write_bytes(image.to_xml())
-    assert main(["mesh", str(path), "--ga", str(START), "--cell-size", "2.5", "-o", str(folder / "x.vtu")]) == 0
+    assert main(["mesh", str(path), "--ga", str(START), "--cell-size", "3.5", "-o", str(folder / "x.vtu")]) == 0
     command = ["fold", str(folder / "x.vtu"), "--end", str(END), "--surfaces", f"{START:g},{END:g}"]
     assert main([*command, "-o", str(folder / "folded")]) == 0
     return folder
