@@ -1,4 +1,7 @@
-"""Makes the pictures of README and documentation anew, from synthetic surfaces alone: `make figures`.
+"""Makes the pictures of README and documentation anew: `make figures`.
+
+All but `hero` are of synthetic surfaces alone. `hero` is of real ones: of nilearn, and of ../shared/data, which no
+clone has. Only the picture is committed, never a surface.
 
 The pages are those of the demo cohort, with two broken surfaces and an excluded one more.
 The pictures of the gallery are `make gallery`.
@@ -14,24 +17,36 @@ import tempfile
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import nibabel
+import nilearn
 import numpy as np
 import pandas as pd
 import PIL.Image
+from matplotlib.figure import SubFigure
+from matplotlib.patches import Patch
 from playwright.sync_api import sync_playwright
 
 from cortet.cli import main as cortet
+from cortet.folding.fold_figures import series
+from cortet.folding.fold_views import centre, extent, real_brain, sides, simulated_brain, view
+from cortet.folding.journal import SERIES
 from cortet.formats import vtu
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.tsv import read_tsv, write_tsv
 from cortet.geometry.icosphere import icosphere
 from cortet.geometry.nesting import joined
-from cortet.meshes import TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.phantoms import phantom
-from cortet.report.render import cut_view, surface_view
+from cortet.report.figures import PAGE, drawn
+from cortet.report.figures import save as save_figure
+from cortet.report.render import REGION_COLOURS, cut_view, surface_view
+from cortet.report.slices import draw_section
 from cortet.solver_files.sets import with_regions
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
+#: real surfaces, which no clone has
+FETAL = ROOT.parent / "shared/data/fetal"
 #: pixels: width of a picture in the documentation, height of the three pages
 WIDTH, HEIGHT = 1000, 760
 #: browser windows: width, height, colours, and the pixels per point
@@ -52,6 +67,65 @@ def save(pixels: np.ndarray | PIL.Image.Image, name: str, width: int = WIDTH, *,
     few = image if shaded else image.quantize(256, PIL.Image.Quantize.MAXCOVERAGE, dither=PIL.Image.Dither.NONE)
     few.save(DOCS / name, optimize=True)
     print(f"docs/{name}: {image.width} x {image.height}")
+
+
+def hero() -> None:
+    """hero.png: a coronal section through fsaverage5, and a fold beside real brains of its ages."""
+    if not FETAL.is_dir():
+        print(f"docs/hero.png: left as it is, since there is no {FETAL}")
+        return
+    adult = Path(nilearn.__file__).parent / "datasets/data/fsaverage5"
+    for name in ("pial", "white"):
+        nibabel.save(nibabel.load(adult / f"{name}_left.gii.gz"), f"{name}.surf.gii")
+    run("mesh", "pial.surf.gii", "--inner", "white=white.surf.gii", "--cell-size", 1.5, "-o", "adult.vtu")
+    run("mesh", FETAL / "CRL_STA28_left_white.surf.gii", "--ga", 28, "--cell-size", 0.9, "-o", "fetal.vtu")
+    run("fold", "fetal.vtu", "--ga", 28, "--hemi", "L", "--end", 34, "-o", "fetal")
+    with drawn(PAGE, 4.1) as figure:
+        cut, brains = figure.subfigures(1, 2, width_ratios=(1, 1.45))
+        draw_hero_section(cut, vtu.read("adult.vtu"))
+        draw_hero_fold(brains, series(Path("fetal") / SERIES))
+    save_figure(figure, "hero.png")
+    save(PIL.Image.open("hero.png"), "hero.png", width=1800, shaded=True)
+
+
+def draw_hero_section(figure: SubFigure, mesh: TetMesh) -> None:
+    """The coronal section 25 mm behind the anterior commissure, with its legend."""
+    axes = figure.subplots()
+    draw_section(axes, mesh, "coronal", -25.0)
+    figure.suptitle("Coronal section, adult left hemisphere")
+    axes.plot([-22, -2], [-38, -38], color="black", linewidth=1.5)
+    axes.text(-12, -37, "20 mm", ha="center", va="bottom")
+    axes.text(-75, 82, "seen from behind; lateral on the left", va="bottom")
+    axes.set_axis_off()
+    patches = [
+        Patch(color=colour, label=name)
+        for colour, name in zip(REGION_COLOURS, ("cortex", "white matter"), strict=False)
+    ]
+    figure.legend(handles=patches, loc="outside lower center", ncols=2)
+
+
+def draw_hero_fold(figure: SubFigure, frames: list[tuple[Path, float]]) -> None:
+    """Real brains, and beside them the fold of the youngest at their ages, all from the left at one scale."""
+    (lateral, *_), weeks = sides("L"), (28, 30, 34)
+    real = {week: real_brain(FETAL / f"CRL_STA{week}_left_white.surf.gii", "L") for week in weeks}
+    made = {week: simulated_brain(min(frames, key=lambda one: abs(one[1] - week))[0]) for week in weeks}
+    figure.suptitle("Folding by growth, fetal left hemisphere (sulci blue, gyri red)")
+    width, height = np.max([extent(brain, lateral) for brain in (*real.values(), *made.values())], axis=0) + 4
+    dots = 10  # per mm
+    grid = figure.subplots(len(weeks), 2)
+    for row, week in zip(grid, weeks, strict=True):
+        for axis, brain in zip(row, (real[week], made[week]), strict=True):
+            size = (round(dots * width), round(dots * height))
+            axis.imshow(view(brain, lateral, centre(brain), size, dots), extent=(0, width, 0, height))
+            axis.set(xticks=[], yticks=[])
+            axis.spines[:].set_visible(False)
+        row[0].set_ylabel(f"{week} weeks")
+    grid[0, 0].set_title("real (CRL atlas)")
+    grid[0, 1].set_title("simulated from 28 weeks on")
+    for axis in grid[-1]:
+        axis.set_xlabel("anterior \u2190 \u2192 posterior")
+    grid[-1, 1].plot([width - 22, width - 2], [1, 1], color="black", linewidth=1.5)
+    grid[-1, 1].text(width - 12, 2, "20 mm", ha="center", va="bottom")
 
 
 def one_surface() -> None:
@@ -181,7 +255,7 @@ def beside(images: list[PIL.Image.Image]) -> PIL.Image.Image:
 
 
 if __name__ == "__main__":
-    figures = {made.__name__: made for made in (one_surface, head, folded, common, cohort)}
+    figures = {made.__name__: made for made in (hero, one_surface, head, folded, common, cohort)}
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         for name in sys.argv[1:] or figures:

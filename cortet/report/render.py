@@ -33,7 +33,7 @@ RANGE, BEYOND = (0.0, 0.6), "#D55E00"
 SCALE = {
     "title": "$q$",
     "vertical": True,
-    "position_x": 0.07,
+    "position_x": 0.095,
     "position_y": 0.2,
     "height": 0.6,
     "width": 0.06,
