@@ -1,9 +1,11 @@
 """Growth that was measured between two ages, and the brain that follows from it."""
 
-import matplotlib.pyplot as plt
+import shutil
+
 import numpy as np
 
 import cortet
+from cortet.folding.fold_figures import draw
 from cortet.phantoms import phantom
 
 early, later = phantom(26, subdivisions=4), phantom(28, subdivisions=4)  # their vertices correspond
@@ -13,6 +15,7 @@ print(f"{found.percentiles['5']:.2f} to {found.percentiles['95']:.2f}")
 made = cortet.mesh(early, cell_size=3.0, ga=26, hemi="L", fields=fields, progress=False)
 folded = cortet.fold(made, end=28, progress=False)
 print(folded.verdict["reason"])
-plt.imsave("growth_map.png", folded.plot())
+draw(folded.folder, "L")
+shutil.copy(folded.folder / "folded.png", "growth_map.png")
 
 assert folded.verdict["outcome"] == "folded" and np.isfinite(folded.table["area_mm2"]).all()

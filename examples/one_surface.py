@@ -1,7 +1,5 @@
 """One surface: a mesh, its verdict, a file for a solver, a picture."""
 
-import matplotlib.pyplot as plt
-
 import cortet
 from cortet.phantoms import phantom
 
@@ -9,6 +7,6 @@ surface = phantom(28, subdivisions=4)  # or the name of a file: "lh.white", "sub
 made = cortet.mesh(surface, cell_size=2.5, ga=28, hemi="L", progress=False)
 print(made)
 made.save("one_surface.inp", force=True)  # Abaqus, CalculiX; .mesh, .feb, .xdmf, .msh, .vtu, .pts for others
-plt.imsave("one_surface.png", made.plot((800, 600)))
+made.picture("one_surface.png", size=(800, 600))
 
 assert made.certified and made.quality.max() < 0.4

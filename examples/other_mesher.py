@@ -1,13 +1,12 @@
 """The certificate judges any mesh: here one of Delaunay tetrahedra, and ours, of the same ball."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 import pyvista
 from scipy.spatial import Delaunay
 
 import cortet
 from cortet.meshes import TetMesh
-from cortet.report.render import cut_view
+from cortet.report.render import picture
 
 ball = pyvista.Icosphere(radius=20, nsub=3)
 inside = np.random.default_rng(1).uniform(-13, 13, (1500, 3))
@@ -20,6 +19,6 @@ ours = cortet.mesh(ball, cell_size=3.0, progress=False)
 print(cortet.certify(other, ball, cell_size=3.0).reasons[0])
 table = cortet.compare({"delaunay": other, "cortet": ours}, ball, cell_size=3.0)
 print(table.loc[["Tetrahedra", "Worst q", "Mean q"]])
-plt.imsave("other_mesher.png", cut_view(other, size=(800, 600)))
+picture(other, "other_mesher.png", size=(800, 600))
 
 assert ours.certified and not cortet.certify(other, ball, cell_size=3.0).certified

@@ -1,6 +1,5 @@
 """A surface with a hole is closed, and what was done is said."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import cortet
@@ -18,6 +17,6 @@ mended, report = cortet.repair(torn)
 print({key: value for key, value in report.items() if isinstance(value, int) and value})
 made = cortet.mesh(mended, cell_size=3.0, ga=24, progress=False)
 print(made)
-plt.imsave("repair.png", made.plot((800, 600)))
+made.picture("repair.png", size=(800, 600))
 
 assert made.certified

@@ -1,7 +1,7 @@
 """Small cells where they matter: a size in mm at each vertex of the surface."""
 
-import matplotlib.pyplot as plt
 import numpy as np
+import pyvista
 
 import cortet
 from cortet.phantoms import phantom
@@ -15,15 +15,12 @@ centres = made.points[made.cells].mean(axis=1)[:, 1]
 limit = surface.points[front, 1].min()
 print(f"{(centres > limit).sum():,} tetrahedra in front of the limit, {(centres <= limit).sum():,} behind it")
 skin = made.to_pyvista().extract_surface(algorithm="dataset_surface")
-picture = skin.plot(
-    show_edges=True,
-    scalar_bar_args={"title": "cell size (mm)", "n_labels": 2, "fmt": "%.1f"},
-    off_screen=True,
-    return_img=True,
-    cpos="yz",
-    zoom=1.4,
-    window_size=(800, 600),
-)
-plt.imsave("size_field.png", picture)
+picture = pyvista.Plotter(off_screen=True, window_size=(800, 600))
+legend = {"title": "cell size (mm)", "n_labels": 2, "fmt": "%.1f"}
+picture.add_mesh(skin, scalars="size", show_edges=True, scalar_bar_args=legend)
+picture.add_text("lateral side, anterior on the left", font_size=9)
+picture.show_bounds(xtitle="", ytitle="y (mm)", ztitle="z (mm)", show_xaxis=False, show_xlabels=False, font_size=9)
+picture.view_vector((-1, 0, 0), viewup=(0, 0, 1))
+picture.screenshot("size_field.png")
 
 assert made.certified and (centres > limit).mean() > 0.5

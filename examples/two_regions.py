@@ -1,6 +1,5 @@
 """Cortex and white matter: one mesh that conforms to the pial and to the white surface."""
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 import cortet
@@ -14,6 +13,6 @@ corners = made.points[made.cells]
 volumes = np.linalg.det(corners[:, 1:] - corners[:, :1]) / 6
 for number, name in enumerate(("cortex", "white matter"), start=1):
     print(f"{name}: {volumes[made.mesh.cell_data['region'] == number].sum() / 1000:.1f} mL")
-plt.imsave("two_regions.png", made.plot((800, 600)))
+made.picture("two_regions.png", size=(800, 600))
 
 assert made.certified

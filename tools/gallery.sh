@@ -10,4 +10,14 @@ for script in "$root"/examples/*.py; do
     echo "$(basename "$script")"
     python "$script"
 done
-cp ./*.png "$root/docs/gallery/"
+python - "$root/docs/gallery" <<'END'
+import sys
+from pathlib import Path
+
+import PIL.Image
+
+for path in Path().glob("*.png"):
+    picture = PIL.Image.open(path).convert("RGB")
+    picture.thumbnail((1000, 1000))
+    picture.save(Path(sys.argv[1], path.name), optimize=True)
+END

@@ -267,6 +267,17 @@ class Mesh:
 
         return cut_view(self.mesh, regions=bool(self.surface.inner), size=size)
 
+    def picture(self, path: str | Path, **how: Any) -> None:
+        """Draw the mesh into a PNG file as `cortet picture` does: with a legend, a scale bar, and where anterior is.
+
+        Parameters
+        ----------
+        how : `axis`, `position`, `view`, `regions` and `size` of `cortet.report.render.picture`
+        """
+        from cortet.report.render import picture
+
+        picture(self.named(), path, **how)
+
     def named(self) -> TetMesh:
         """The mesh with its named sets and the numbers of its regions, as files hold it."""
         export = self.config.export
