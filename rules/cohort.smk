@@ -6,8 +6,6 @@ Their inputs are functions: every job of a cluster reads these rules, and should
 
 rule dataset_description:
     """What BIDS wants to know of a folder of derivatives."""
-    input:
-        receipt=receipt("dataset_description"),
     output:
         description=f"{OUT}/dataset_description.json",
         ignore=f"{OUT}/.bidsignore",
@@ -30,7 +28,6 @@ for result in RESULTS:
         name:
             result.rule
         input:
-            receipt=receipt(result.rule),
             files=partial(made_from, result),
         output:
             [in_report(result, path) for path in result.files],
@@ -45,6 +42,7 @@ for result in RESULTS:
         params:
             **({"journal": CONFIG.figures.journal} if result.is_drawn else {}),
             facts=partial(facts_of, result),
+            made_from=partial(names_of, result),
             version=versions(*result.code),
         script:
             "../scripts/over_all.py"

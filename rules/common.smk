@@ -1,4 +1,9 @@
-"""The sheet and the configuration of a run, as the rules see them: a plan and the names of all files."""
+"""The sheet and the configuration of a run, as the rules see them: a plan and the names of all files.
+
+Snakemake remembers the parameters of each job and runs it again if one has changed (profiles/default). So parameters hold
+the settings of a stage, the VERSION of its code and the SHA-256 of the user's files. Names of files decide nothing: they
+are `derived`.
+"""
 
 import os
 import re
@@ -15,11 +20,10 @@ from cortet.cohort.bids import Places, descriptions, require_own_output
 from cortet.cohort.layout import EXPORTED, LABELS, SHARED, WILDCARDS, beside, file_of
 from cortet.cohort.lock import is_held_by_parent, require_free
 from cortet.cohort.plan import existing
-from cortet.cohort.receipts import ask, content, receipt_path
 from cortet.cohort.resources import cost
+from cortet.cohort.user_files import content
 from cortet.config import keys_not_given, read, version_of
 from cortet.errors import CortetError
-from cortet.formats.ownership import changed_of, is_whole
 from cortet.meshers import OWN
 from cortet.neighbours import neighbours
 from cortet.report.over_all import OF_COHORT, OverAll, plan_of
@@ -38,7 +42,7 @@ try:
             read(Path(file))
     # the sheet is read here and never an input of a rule: a new row then runs one new case
     PLAN = replace(plan_of(config), waited_for=waited_for)
-    if workflow.is_main_process:  # receipts are written there before a run begins, and by a dry run
+    if workflow.is_main_process:
         require_own_output(PLAN.config.output, PLAN.config.cohort.dataset)
         if not is_held_by_parent():
             require_free(PLAN.config.output)
@@ -52,27 +56,21 @@ if DEFAULTS:
     logger.warning(
         f"from config.yaml in {Path.cwd()}, since your own configuration does not say: {'; '.join(DEFAULTS)}"
     )
-for notice in [*CONFIG.notices(), *PLAN.notices()]:
+for notice in [*CONFIG.notices(), *PLAN.notices(), *(PLAN.edited_exports() if workflow.is_main_process else [])]:
     logger.warning(notice)
-
-# scripts/_job.py keeps to it; no parameter of a rule, since another limit makes no other result
-os.environ.update(CORTET_TIME_LIMIT=str(CONFIG.time_limit or 0))
 
 LAYOUT = PLAN.layout
 OUT = LAYOUT.output
-# what BIDS URIs begin with; no parameter either, it changes no result
+# what BIDS URIs begin with
 RAW = str(CONFIG.cohort.dataset or CONFIG.cohort.sheet.parent)
-os.environ.update(CORTET_OUTPUT=OUT, CORTET_RAW=RAW)
 
 # names of wildcards of the jobs on a surface, on an inner one, and on a mesh
 SURFACE = ("folder", "case")
 INNER = (*SURFACE, "inner")
 MESH = (*SURFACE, "res", "mesher", "setting")
 SHARED_MESH = (*SURFACE, "res", "mesher")
-#: rules that this run asks for, and what it asks of each job, by its receipt
-ASKED, FINGERPRINTS = set(), {}
-#: files that were changed after cortet wrote them, of which this run has told
-TOLD = set()
+#: rules over all cases that this run asks for
+ASKED = set()
 
 
 wildcard_constraints:
@@ -96,18 +94,55 @@ def intermediate(files):
     return files if CONFIG.keep_intermediates else temp(files)
 
 
+def surface_of(stage, **of):
+    """Output of a stage that makes a surface; `inner=True` for an inner one."""
+    return {"surface": LAYOUT.surface(stage, **of), "report": LAYOUT.surface(stage, "white.json", **of)}
+
+
+def mesh_of(stage):
+    """Output of a stage that makes a mesh."""
+    label = LABELS[stage]
+    mesh = LAYOUT.mesh(label)
+    return {
+        "mesh": mesh if stage == "solver_ready" else intermediate(mesh),
+        "report": LAYOUT.mesh(label, "tetmesh.json"),
+        "quality": LAYOUT.mesh(label, "quality.json"),
+    }
+
+
 def versions(*modules):
     """Parameter of a rule: the versions of the code that makes its results."""
     return [version_of(module) for module in modules]
 
 
-def recorded(stage):
+def derived(function):
+    """A parameter that is no reason to run a job again, as Snakemake takes one that depends on `input`."""
+    return lambda wildcards, input: function(wildcards)
+
+
+def stage_params(stage):
+    """Parameters of a rule of a stage: what its result depends on, and what its report records."""
+    return {
+        "arguments": partial(PLAN.arguments, stage),
+        "locations": derived(partial(PLAN.locations, stage)),
+        "stages_before": partial(PLAN.stages_before, stage),
+        "version": versions(f"stages.{stage}", *(["measure.quality"] if stage in LABELS else [])),
+        **recorded(STAGES[stage].label),
+    }
+
+
+def recorded(label):
     """Parameters of a rule that say in its report whose it is, what it was made from, and in whose space it is."""
     return {
-        "origin": partial(PLAN.origin, STAGES[stage].label),
+        "origin": partial(PLAN.origin, label),
         "input_sha256": PLAN.input_sha256,
-        "space": PLAN.space,
+        "space": derived(PLAN.space),
+        "roots": ROOTS,
     }
+
+
+#: parameter of a rule whose report names its sources as BIDS does
+ROOTS = derived(lambda _: (OUT, RAW))
 
 
 def took(rule, wildcards):
@@ -116,64 +151,23 @@ def took(rule, wildcards):
 
 
 def asked(rule):
-    """Memory and minutes that a job on a case asks for."""
+    """Memory and minutes that a job on a case asks for, and the seconds after which it ends itself."""
     cost(rule)  # an error here and now for a rule that nobody has measured
-    return {"mem_mb": partial(PLAN.megabytes, rule), "runtime": partial(PLAN.minutes, rule)}
-
-
-def receipt(name):
-    """An input of a rule: the receipt of its job, newer than the job's files if they must be made again.
-
-    What is there is used only if it was made with what is asked for now, from files of the same names. A job runs again,
-    too, if a file is gone that a record among its outputs lists: the files of some formats are several. One that was
-    changed is left, and reported.
-    """
-
-    def path(wildcards):
-        step, known = getattr(rules, name), dict(wildcards.items())
-        file = receipt_path(Path(OUT), Path(str(step.log[0]).format(**known)))
-        if workflow.is_main_process:
-            ASKED.add(name)
-            parameters = {key: filled_in(value, wildcards) for key, value in step.params.items()}
-            inputs = [filled_in(value, wildcards) for key, value in step.input.items() if key != "receipt"]
-            records = records_of(step, known) if name in ("export", "ten_nodes") else []
-            names = [[relative(path) for path in listed(value)] for value in inputs]
-            try:
-                again = not all(map(is_whole, records))
-                FINGERPRINTS[relative(file)] = ask(file, name, known, {**parameters, "inputs": names}, again=again)
-            except CortetError as error:
-                raise WorkflowError(str(error)) from None
-            for changed in [changed for record in filter(is_whole, records) for changed in changed_of(record)]:
-                if changed not in TOLD:
-                    logger.warning(f"{changed} was changed after cortet wrote it: delete it, and it is made again")
-                    TOLD.add(changed)
-        return str(file)
-
-    return path
-
-
-def filled_in(value, wildcards):
-    """A parameter or an input of a job."""
-    return value(wildcards) if callable(value) else value.format(**wildcards) if isinstance(value, str) else value
-
-
-def listed(value):
-    return [value] if isinstance(value, (str, Path)) else list(value)
-
-
-def relative(path):
-    """A file below the output folder; others, which are the user's, count by their content."""
-    inside = os.path.relpath(path, OUT)
-    return None if inside.startswith("..") else inside
-
-
-def records_of(step, wildcards):
-    """Records among the outputs of a job."""
-    return [Path(str(output).format(**wildcards)) for output in step.output if str(output).endswith(".json")]
+    return {
+        "mem_mb": partial(PLAN.megabytes, rule),
+        "runtime": partial(PLAN.minutes, rule),
+        "time_limit": round(60 * (CONFIG.time_limit or 0)),
+    }
 
 
 def made_from(result, wildcards):
+    ASKED.add(result.rule)
     return list(result.inputs())
+
+
+def names_of(result, wildcards):
+    """Names of the files that a result over all cases is made from, below the output folder."""
+    return [Path(os.path.relpath(path, OUT)).as_posix() for path in result.inputs()]
 
 
 def facts_of(result, wildcards):

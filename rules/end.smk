@@ -1,8 +1,8 @@
 """How a run begins and ends. From its start to its end it holds the lock of the output folder.
 
 A failed case makes its job fail: the log says why, the others go on (`keep-going`), and the exit code is not zero. But a
-rule over all cases cannot run when one of its inputs was not made. So a run with failures ends with `cortet cohort
-report`, which makes tables, figures and pages of what is there.
+rule over all cases cannot run when one of its inputs was not made. So a run ends with `cortet cohort report`, which makes
+tables, figures and pages of what is there.
 """
 
 import subprocess
@@ -12,8 +12,7 @@ from cortet.cohort.app import outcome, workflow as of_workflow
 from cortet.cohort.failures import with_failures
 from cortet.cohort.lock import HELD_BY, hold, is_held_by_parent
 from cortet.cohort.outdated import set_aside
-from cortet.cohort.saved_jobs import debug_command, saved_path
-from cortet.report.over_all import end_run, remember_run
+from cortet.report.over_all import remember_run
 
 FOLDER = of_workflow()  # the main Snakefile may be a user's, which includes ours
 HELD = []  # files whose locks last until the end of this process
@@ -35,33 +34,28 @@ onstart:
         raise WorkflowError(str(error)) from None
     for moved in set_aside(PLAN):
         logger.warning(moved)
-    remember_run(PLAN, config, ASKED, FINGERPRINTS)
+    remember_run(PLAN, config, ASKED)
     for neighbour in neighbours():
         for notice in neighbour.before(PLAN, ASKED):
             logger.warning(notice)
 
 
-def say_what_became_of_it():
-    """Say it as `cortet run` does, which says it itself."""
+def end_run(after):
+    """Make what is over all cases, and say what became of them, unless `cortet run` started this and will say it."""
+    report_what_is_there(after)
     if not is_held_by_parent():
         logger.warning(outcome(with_failures(PLAN), Path(OUT), page="cohort_page" in ASKED))
 
 
 onsuccess:
-    if not end_run(PLAN):
-        report_what_is_there("success")
-    say_what_became_of_it()
+    end_run("success")
 
 
 onerror:
-    for (case, *_), failure in with_failures(PLAN).failures.items():
-        if failure["state"] == "unfinished":
-            continue
-        logger.error(f"{case}: {failure['stage']}: {failure['reason']}")
-        if (log := failure.get("log")) and saved_path(Path(log)).exists():
-            runner = FOLDER / "scripts/_job.py"
-            logger.error(f"{case}: to run it again in a debugger: {debug_command(Path(log), runner)}")
-    for moved in set_aside(with_failures(PLAN)):
+    plan = with_failures(PLAN)
+    for (case, *_), failure in plan.failures.items():
+        if failure["state"] != "unfinished":
+            logger.error(f"{case}: {failure['stage']}: {failure['reason']}")
+    for moved in set_aside(plan):
         logger.error(moved)
-    report_what_is_there("failure")
-    say_what_became_of_it()
+    end_run("failure")

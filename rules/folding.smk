@@ -19,7 +19,6 @@ rule fold:
     Frames and checkpoint lie beside the outputs; declared, Snakemake would delete them before it starts a job again.
     """
     input:
-        receipt=receipt("fold"),
         mesh=LAYOUT.mesh("Solver"),
     output:
         verdict=FOLDS.fold("verdict.json"),
@@ -45,7 +44,6 @@ rule fold:
 rule folded_surface:
     """The folded cortex of a week on the vertices of its own surface, and what is measured there."""
     input:
-        receipt=receipt("folded_surface"),
         series=rules.fold.output.series,
         mesh=LAYOUT.mesh("Solver"),
         meshed=PLAN.meshed_surface,
@@ -73,7 +71,6 @@ rule folded_surface:
 rule common_maps:
     """The folded cortex of a week on the common mesh, and its means over parcels."""
     input:
-        receipt=receipt("common_maps"),
         folded=FOLDS.surfaces()["surface"],
         maps=[FOLDS.surfaces()[measure] for measure in CONFIG.biomarkers.measures],
         surface=PLAN.surface,
@@ -102,7 +99,6 @@ rule common_maps:
 rule convergence_run:
     """Mesh a surface in one realisation, fold the mesh, and carry the surface along."""
     input:
-        receipt=receipt("convergence_run"),
         surface=PLAN.surface,
         fields=PLAN.existing_fields,
         sphere=PLAN.sphere,
@@ -129,8 +125,9 @@ rule convergence_run:
             "cell_size_mm": int(wildcards.res) / 1000,
         },
         input_sha256=lambda wildcards: content(PLAN.all_paths(wildcards)),
-        paths=PLAN.all_paths,
-        files=PLAN.field_paths,
+        paths=derived(PLAN.all_paths),
+        files=derived(PLAN.field_paths),
+        roots=ROOTS,
         age=lambda wildcards: CASES[wildcards.case].scan_age,
         version=[version_of("folding.fold"), *(version_of(f"stages.{stage.name}") for stage in CONFIG.line())],
     script:
@@ -140,7 +137,6 @@ rule convergence_run:
 rule prediction_run:
     """Predict the later surfaces of a series from its first one, and compare them with the real ones."""
     input:
-        receipt=receipt("prediction_run"),
         surfaces=lambda wildcards: FOLDS.surfaces_of_series(wildcards.case),
         spheres=lambda wildcards: FOLDS.spheres_of_series(wildcards.case),
         labels=lambda wildcards: existing(FOLDS.labels_of_series(wildcards.case)),
@@ -160,7 +156,8 @@ rule prediction_run:
         line=FOLDS.predicted_realisation,
         options=CONFIG.experiments.prediction.model_dump(mode="json", include={"until", "rounds", "smoothing", "seed"}),
         ages=lambda wildcards: list(FOLDS.prediction_series()[wildcards.case]),
-        files=lambda wildcards: FOLDS.labels_of_series(wildcards.case),
+        files=derived(lambda wildcards: FOLDS.labels_of_series(wildcards.case)),
+        roots=ROOTS,
         origin=lambda wildcards: {"case": wildcards.case, "kind": wildcards.kind, "variant": wildcards.changed.lower()},
         input_sha256=FOLDS.series_sha256,
         version=[
@@ -176,7 +173,6 @@ rule prediction_run:
 rule prediction_views:
     """Predicted brains beside the real ones, and where they are too shallow or too deep."""
     input:
-        receipt=receipt("prediction_views"),
         record=FOLDS.prediction("record.json", changed=""),
         surfaces=lambda wildcards: FOLDS.surfaces_of_series(wildcards.case),
         spheres=lambda wildcards: FOLDS.spheres_of_series(wildcards.case),
@@ -213,7 +209,6 @@ rule prediction_views:
 rule prediction_spread:
     """How far predictions lie apart under other cells, stiffness and thickness, and whether the truth is among them."""
     input:
-        receipt=receipt("prediction_spread"),
         records=FOLDS.varied_predictions,
         surfaces=lambda wildcards: FOLDS.surfaces_of_series(wildcards.case),
         spheres=lambda wildcards: FOLDS.spheres_of_series(wildcards.case),
@@ -246,7 +241,6 @@ rule prediction_spread:
 rule fold_figures:
     """Its numbers against age, the brain every four weeks beside real ones, and a film."""
     input:
-        receipt=receipt("fold_figures"),
         table=rules.fold.output.table,
         series=rules.fold.output.series,
         real=lambda wildcards: [path for path in FOLDS.real_surfaces(wildcards).values() if existing(path)],
@@ -279,8 +273,9 @@ rule fold_figures:
         **asked("fold_figures"),
     params:
         hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
-        files=FOLDS.real_surfaces,
-        maps=FOLDS.pictured,
+        files=derived(FOLDS.real_surfaces),
+        maps=derived(FOLDS.pictured),
+        weeks=lambda wildcards: list(FOLDS.pictured(wildcards)),
         measure=CONFIG.fold.picture,
         input_sha256=lambda wildcards: content(FOLDS.real_surfaces(wildcards)),
         version=version_of("folding.fold_figures"),

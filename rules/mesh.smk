@@ -8,27 +8,22 @@ here and in the files that follow: the first cases are done while the last ones 
 rule generate:
     """S1: fill the surface with tetrahedra."""
     input:
-        receipt=receipt("generate"),
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
         fields=PLAN.size_field,
     output:
-        mesh=intermediate(LAYOUT.mesh("Generated")),
-        report=LAYOUT.mesh("Generated", "tetmesh.json"),
-        quality=LAYOUT.mesh("Generated", "quality.json"),
+        **mesh_of("generate"),
     log:
-        LAYOUT.log("generate", of_mesh("generate")),
+        LAYOUT.log("generate", SHARED_MESH),
     benchmark:
-        took("generate", of_mesh("generate"))
+        took("generate", SHARED_MESH)
     wildcard_constraints:
         mesher="|".join({*CONFIG.generate.meshers, *OWN}),
     priority: 1
     resources:
         **asked("generate"),
     params:
-        **recorded("generate"),
-        arguments=partial(PLAN.arguments, "generate"),
-        version=versions("stages.generate", "measure.quality"),
+        **stage_params("generate"),
     script:
         "../scripts/generate.py"
 
@@ -36,63 +31,150 @@ rule generate:
 rule transfer:
     """S2: carry the fields of the surface to the nodes; on request write the mesh for openCARP and meshtool."""
     input:
-        receipt=receipt("transfer"),
         mesh=PLAN.mesh_before("transfer"),
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
         fields=PLAN.fields,
     output:
-        mesh=intermediate(LAYOUT.mesh("Transferred")),
-        report=LAYOUT.mesh("Transferred", "tetmesh.json"),
-        quality=LAYOUT.mesh("Transferred", "quality.json"),
+        **mesh_of("transfer"),
         carp=(
             intermediate(multiext(LAYOUT.mesh("Transferred", "tetmesh"), ".pts", ".elem", ".lon"))
             if CONFIG.write_carp
             else []
         ),
     log:
-        LAYOUT.log("transfer", of_mesh("transfer")),
+        LAYOUT.log("transfer", SHARED_MESH),
     benchmark:
-        took("transfer", of_mesh("transfer"))
+        took("transfer", SHARED_MESH)
     priority: 1
     resources:
         **asked("transfer"),
     params:
-        **recorded("transfer"),
-        arguments=partial(PLAN.arguments, "transfer"),
-        version=versions("stages.transfer", "measure.quality"),
+        **stage_params("transfer"),
     script:
         "../scripts/transfer.py"
 
 
-# S3 to S6: each a rule of its own, which makes a mesh out of the one before it
-for stage in (STAGES[name] for name in LABELS if name not in ("generate", "transfer")):
-    is_last = stage.name == "solver_ready"
+rule relocate:
+    """S3: Gmsh moves interior nodes, so that elements get better on average."""
+    input:
+        mesh=PLAN.mesh_before("relocate"),
+    output:
+        **mesh_of("relocate"),
+    log:
+        LAYOUT.log("relocate", MESH),
+    benchmark:
+        took("relocate", MESH)
+    priority: 1
+    resources:
+        **asked("relocate"),
+    params:
+        **stage_params("relocate"),
+    script:
+        "../scripts/mesh_stage.py"
 
-    rule:
-        """A mesh out of the one before it, and with it the fields at the end of the line."""
-        name:
-            stage.name
-        input:
-            receipt=receipt(stage.name),
-            mesh=PLAN.mesh_before(stage.name),
-            surface=PLAN.meshed_surface if "surface" in stage.takes else [],
-            inner=PLAN.inner_surfaces if "surface" in stage.takes else [],
-            fields=PLAN.fields if is_last else [],
-        output:
-            mesh=LAYOUT.mesh(stage.label) if is_last else intermediate(LAYOUT.mesh(stage.label)),
-            report=LAYOUT.mesh(stage.label, "tetmesh.json"),
-            quality=LAYOUT.mesh(stage.label, "quality.json"),
-        log:
-            LAYOUT.log(stage.name, of_mesh(stage.name)),
-        benchmark:
-            took(stage.name, of_mesh(stage.name))
-        priority: 1
-        resources:
-            **asked(stage.name),
-        params:
-            **recorded(stage.name),
-            arguments=partial(PLAN.arguments, stage.name),
-            version=versions(f"stages.{stage.name}", "measure.quality"),
-        script:
-            "../scripts/mesh_stage.py"
+
+rule clean:
+    """S4: move vertices until the worst elements are good."""
+    input:
+        mesh=PLAN.mesh_before("clean"),
+        surface=PLAN.meshed_surface,
+        inner=PLAN.inner_surfaces,
+    output:
+        **mesh_of("clean"),
+    log:
+        LAYOUT.log("clean", MESH),
+    benchmark:
+        took("clean", MESH)
+    priority: 1
+    resources:
+        **asked("clean"),
+    params:
+        **stage_params("clean"),
+    script:
+        "../scripts/mesh_stage.py"
+
+
+rule reconnect:
+    """S4+: swap faces and edges of elements that moving cannot improve."""
+    input:
+        mesh=PLAN.mesh_before("reconnect"),
+        surface=PLAN.meshed_surface,
+        inner=PLAN.inner_surfaces,
+    output:
+        **mesh_of("reconnect"),
+    log:
+        LAYOUT.log("reconnect", MESH),
+    benchmark:
+        took("reconnect", MESH)
+    priority: 1
+    resources:
+        **asked("reconnect"),
+    params:
+        **stage_params("reconnect"),
+    script:
+        "../scripts/mesh_stage.py"
+
+
+rule smooth_boundary:
+    """Smooth the boundary, as the published chain does."""
+    input:
+        mesh=PLAN.mesh_before("smooth_boundary"),
+        surface=PLAN.meshed_surface,
+        inner=PLAN.inner_surfaces,
+    output:
+        **mesh_of("smooth_boundary"),
+    log:
+        LAYOUT.log("smooth_boundary", MESH),
+    benchmark:
+        took("smooth_boundary", MESH)
+    priority: 1
+    resources:
+        **asked("smooth_boundary"),
+    params:
+        **stage_params("smooth_boundary"),
+    script:
+        "../scripts/mesh_stage.py"
+
+
+rule snap:
+    """S6: put the boundary onto the surface."""
+    input:
+        mesh=PLAN.mesh_before("snap"),
+        surface=PLAN.meshed_surface,
+        inner=PLAN.inner_surfaces,
+    output:
+        **mesh_of("snap"),
+    log:
+        LAYOUT.log("snap", MESH),
+    benchmark:
+        took("snap", MESH)
+    priority: 1
+    resources:
+        **asked("snap"),
+    params:
+        **stage_params("snap"),
+    script:
+        "../scripts/mesh_stage.py"
+
+
+rule solver_ready:
+    """S5: order nodes and elements as solvers want them, and bring the fields of the surface along."""
+    input:
+        mesh=PLAN.mesh_before("solver_ready"),
+        surface=PLAN.meshed_surface,
+        inner=PLAN.inner_surfaces,
+        fields=PLAN.fields,
+    output:
+        **mesh_of("solver_ready"),
+    log:
+        LAYOUT.log("solver_ready", MESH),
+    benchmark:
+        took("solver_ready", MESH)
+    priority: 1
+    resources:
+        **asked("solver_ready"),
+    params:
+        **stage_params("solver_ready"),
+    script:
+        "../scripts/mesh_stage.py"

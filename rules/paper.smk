@@ -30,7 +30,6 @@ rule figures:
 checkpoint baseline:
     """S1 by a mesher of another project; where it fails, the mesh is empty and the report says why."""
     input:
-        receipt=receipt("baseline"),
         surface=PLAN.meshed_surface,
     output:
         mesh=LAYOUT.mesh("Generated"),
@@ -45,14 +44,13 @@ checkpoint baseline:
         mem_mb=partial(PLAN.megabytes, "generate"),
         runtime=CONFIG.experiments.ablation.time_limit + 5,
     params:
+        **recorded(LABELS["generate"]),
         arguments=lambda wildcards: {
             "mesher": wildcards.mesher,
             "cell_size": int(wildcards.res) / 1000,
             "time_limit": CONFIG.experiments.ablation.time_limit,
         },
         version=version_of("meshers.baselines"),
-        origin=partial(PLAN.origin, LABELS["generate"]),
-        input_sha256=PLAN.input_sha256,
     script:
         "../scripts/baseline.py"
 
@@ -60,7 +58,6 @@ checkpoint baseline:
 rule quality:
     """Element quality of a mesh of another project's mesher that did not fail."""
     input:
-        receipt=receipt("quality"),
         mesh=LAYOUT.mesh("Generated"),
     output:
         record=LAYOUT.mesh("Generated", "quality.json"),
@@ -73,9 +70,8 @@ rule quality:
     resources:
         **asked("quality"),
     params:
+        **recorded(LABELS["generate"]),
         version=version_of("measure.quality"),
-        origin=partial(PLAN.origin, LABELS["generate"]),
-        input_sha256=PLAN.input_sha256,
     script:
         "../scripts/quality.py"
 
@@ -83,7 +79,6 @@ rule quality:
 rule reference:
     """Element quality of a reference mesh."""
     input:
-        receipt=receipt("reference"),
         mesh=lambda wildcards: str(EXPERIMENTS.references()[wildcards.reference]),
     output:
         record=f"{OUT}/cohort/reference-{{reference}}_quality.json",
@@ -97,5 +92,7 @@ rule reference:
     params:
         version=version_of("measure.quality"),
         origin=lambda wildcards: {"reference": wildcards.reference},
+        input_sha256=lambda wildcards: content({"mesh": EXPERIMENTS.references()[wildcards.reference]}),
+        roots=ROOTS,
     script:
         "../scripts/reference.py"

@@ -4,7 +4,6 @@
 rule certify:
     """Verdict on the last mesh, with every number beside its limit."""
     input:
-        receipt=receipt("certify"),
         mesh=LAYOUT.mesh("Solver"),
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
@@ -25,7 +24,7 @@ rule certify:
         arguments=partial(PLAN.arguments, "certify"),
         version=version_of("measure.certify"),
         input_sha256=PLAN.input_sha256,
-        line=PLAN.recorded_line,
+        line=derived(PLAN.recorded_line),
         to_mm=PLAN.placement,
         inner=lambda wildcards: list(CASES[wildcards.case].inner),
     script:
@@ -40,7 +39,6 @@ rule case_page:
         mesh=LAYOUT.mesh("Solver"),
         certificate=LAYOUT.certificate,
         tissues=PLAN.tissues,
-        receipt=receipt("case_page"),
     output:
         page=LAYOUT.case_page,
         thumbnail=LAYOUT.thumbnail,
@@ -55,7 +53,7 @@ rule case_page:
         about=PLAN.about,
         input_sha256=PLAN.input_sha256,
         to_mm=PLAN.placement,
-        cohort=lambda wildcards: beside(LAYOUT.cohort_page, LAYOUT.case_page.format(**wildcards)),
+        cohort=derived(lambda wildcards: beside(LAYOUT.cohort_page, LAYOUT.case_page.format(**wildcards))),
         exported=PLAN.exported,
         version=[version_of("report.pages"), version_of("report.render")],
     script:
@@ -65,7 +63,6 @@ rule case_page:
 rule case_maps:
     """A case at the vertices of the common mesh, with its fields and its distance to the mesh."""
     input:
-        receipt=receipt("case_maps"),
         resampled=LAYOUT.surface("resampled"),
         meshed=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
@@ -89,7 +86,6 @@ rule case_maps:
 rule volumes:
     """What the volumes of a case hold inside each tetrahedron; the table of their labels, and slices with the mesh in them."""
     input:
-        receipt=receipt("volumes"),
         mesh=LAYOUT.mesh("Solver"),
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
@@ -108,8 +104,9 @@ rule volumes:
         **asked("volumes"),
     params:
         version=versions("solver_files.volumes", "report.slices"),
-        volumes=lambda wildcards: dict(CASES[wildcards.case].volumes),
-        paths=PLAN.volume_paths,
+        volumes=derived(lambda wildcards: dict(CASES[wildcards.case].volumes)),
+        names=lambda wildcards: list(CASES[wildcards.case].volumes),
+        paths=derived(PLAN.volume_paths),
         input_sha256=lambda wildcards: content(PLAN.volume_paths(wildcards)),
         shares=CONFIG.export.label_shares,
     script:
@@ -119,7 +116,6 @@ rule volumes:
 rule export:
     """The mesh as a solver reads it, with its sets and a sidecar, verified as written; refused when it is not certified."""
     input:
-        receipt=receipt("export"),
         mesh=PLAN.mesh_with_volumes,
         certificate=LAYOUT.certificate,
         surface=PLAN.meshed_surface,
@@ -140,11 +136,11 @@ rule export:
         version=version_of("solver_files.export"),
         sets=PLAN.sets,
         inner=lambda wildcards: list(CASES[wildcards.case].inner),
-        given=PLAN.given_surfaces,
+        given=derived(PLAN.given_surfaces),
         age=lambda wildcards: CASES[wildcards.case].scan_age,
-        volumes=lambda wildcards: dict(CASES[wildcards.case].volumes),
+        volumes=derived(lambda wildcards: dict(CASES[wildcards.case].volumes)),
         input_sha256=lambda wildcards: content(PLAN.field_paths(wildcards)),
-        paths=PLAN.field_paths,
+        paths=derived(PLAN.field_paths),
         units=CONFIG.export.field_units,
     script:
         "../scripts/export.py"
@@ -155,7 +151,6 @@ if CONFIG.export.ten_nodes:
     rule ten_nodes:
         """The mesh with elements of ten nodes that follow the surface, for solvers; refused when it is not certified."""
         input:
-            receipt=receipt("ten_nodes"),
             mesh=PLAN.mesh_with_volumes,
             certificate=LAYOUT.certificate,
             surface=PLAN.meshed_surface,
@@ -175,9 +170,9 @@ if CONFIG.export.ten_nodes:
             version=versions("solver_files.ten_nodes", "solver_files.export"),
             max_boundary_distance=lambda wildcards: PLAN.arguments("certify", wildcards)["max_boundary_distance"],
             sets=PLAN.sets,
-            volumes=lambda wildcards: dict(CASES[wildcards.case].volumes),
+            volumes=derived(lambda wildcards: dict(CASES[wildcards.case].volumes)),
             input_sha256=lambda wildcards: content(PLAN.field_paths(wildcards)),
-            paths=PLAN.field_paths,
+            paths=derived(PLAN.field_paths),
             units=CONFIG.export.field_units,
         script:
             "../scripts/ten_nodes.py"

@@ -10,7 +10,7 @@ from _job import start
 job = start(snakemake)
 
 from cortet.cohort.bids import ABOUT
-from cortet.cohort.receipts import require_same_input
+from cortet.cohort.user_files import require_same_input
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.formats.placement import placed

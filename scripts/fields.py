@@ -13,9 +13,10 @@ repairs = job.params.repair is not None
 surface = with_fields(gifti.read_surface(job.input.surface, finite=not repairs), job.params.files)
 surface = placed(surface, job.to_mm)
 if job.input.sphere:
-    surface, _ = STAGES["resample"].run(surface, gifti.read_surface(job.input.sphere), **job.params.resample)
+    sphere = gifti.read_surface(job.input.sphere)
+    surface, _ = STAGES["resample"].run(surface, sphere, **job.params.resample, sphere_file=job.input.sphere)
 if repairs:
-    surface, _ = STAGES["repair"].run(surface, **job.params.repair)
+    surface, _ = STAGES["repair"].run(surface, **job.params.repair, source=job.input.surface)
 surface, _ = STAGES["gate"].run(surface, **job.arguments)
 job.require_unchanged_input()
 gifti.write_surface(surface, job.output.surface)

@@ -172,9 +172,8 @@ def run(
     """
     from cortet.cohort import app
     from cortet.cohort.failures import with_failures
-    from cortet.cohort.receipts import run_record
     from cortet.config import read
-    from cortet.report.over_all import aggregate, plan_of
+    from cortet.report.over_all import aggregate, plan_of, run_record
 
     asked: Sequence[str] = levels or list(app.LEVELS)
     settings, alone = configured.settings(), set(asked) == {"group"}

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from cortet.cohort.lock import NAME as LOCK
-from cortet.cohort.receipts import FOLDER as RECEIPTS
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path, write_json
 from cortet.formats.tsv import write_tsv
@@ -165,8 +164,8 @@ def require_own_output(output: Path, dataset: Path | None) -> None:
         )
     if output.is_dir() and not os.access(output, os.R_OK | os.X_OK):
         raise InputError("may not be read", file=output, remedy="mend its permissions, or name another folder")
-    # a run that was killed has left its lock, and one that was only planned its receipts
-    begun = any((output / name).exists() for name in (DESCRIPTION, LOCK, RECEIPTS))
+    # a run that was killed has left its lock
+    begun = any((output / name).exists() for name in (DESCRIPTION, LOCK))
     if not begun and output.is_dir() and any(output.iterdir()):
         raise InputError("holds files that cortet did not make", file=output, remedy=remedy)
 

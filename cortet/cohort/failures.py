@@ -1,24 +1,23 @@
 """What the jobs left in the output folder that did not succeed, and which meshes and files are missing for that.
 
-A job that fails leaves `failure.json` beside its log; one that was killed leaves its log alone. Its receipt says that
-it began.
+A job that fails leaves `failure.json` beside its log, and so does one that was killed. A mesh is finished if its
+certificate records the present settings and the present files of the user.
 """
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from cortet.cohort import receipts
 from cortet.cohort.jobs import Mesh
 from cortet.cohort.layout import EXPORTED, LABELS
-from cortet.cohort.outdated import earlier_results
+from cortet.cohort.outdated import earlier_results, first_other_stage
 from cortet.cohort.plan import AFTER_CERTIFICATE, Plan
-from cortet.cohort.status import STOPPED, failure_path, failure_reason
+from cortet.cohort.status import STOPPED, failure_reason
+from cortet.formats.ownership import json_of
 from cortet.neighbours import neighbours
 from cortet.stages import STAGES
 
@@ -29,6 +28,8 @@ ORDER = (
     *("quality", "certify"),
     *AFTER_CERTIFICATE,
 )
+#: why a mesh with a certificate is unfinished
+_OTHER = "its mesh was made with other settings, or of another surface, than the present ones"
 #: labels of stages and neighbours in names of files
 _OF_NEIGHBOURS = [neighbour.label for neighbour in neighbours() if neighbour.label]
 _LABEL = "|".join([*LABELS.values(), *_OF_NEIGHBOURS])
@@ -59,23 +60,22 @@ def failures(output: Path, *, ended: bool = True) -> list[Failure]:
     ended : whether no job is running now; if one may be, only those count that said why they failed
     """
     found = []
-    for record, log in receipts.unfinished(output):
-        if record["rule"] in ORDER and (ended or failure_path(log).exists()):
-            story = _story(log)
+    for path in sorted((output / "logs").rglob("*.failure.json")):
+        told, log = json_of(path), path.with_name(path.name.replace(".failure.json", ".log"))
+        if told.get("stage") in ORDER and (ended or "what" in told):
+            story = _story(told, log)
             if story["reason"] != STOPPED:
-                found.append(Failure(record["rule"], record["wildcards"], log=log, **story))
+                found.append(Failure(told["stage"], told["wildcards"], log=log, **story))
     return sorted(found, key=lambda failure: ORDER.index(failure.rule))
 
 
-def _story(log: Path) -> dict[str, str]:
+def _story(told: Mapping[str, Any], log: Path) -> dict[str, str]:
     """Reason, problem and remedy of a failure; of a job that was killed, what its log says, which has no remedy."""
-    try:
-        told = json.loads(failure_path(log).read_text(encoding="utf-8"))
+    if "what" in told:
         where = f"{told['where']}: " if told["where"] else ""
         return {"reason": told["reason"], "problem": f"{where}{told['what']}", "remedy": told["remedy"] or ""}
-    except (OSError, ValueError, LookupError, TypeError):
-        reason = failure_reason(log)
-        return {"reason": reason, "problem": reason.partition(", in ")[0]}  # without a line of code
+    reason = failure_reason(log)
+    return {"reason": reason, "problem": reason.partition(", in ")[0]}  # without a line of code
 
 
 def with_failures(plan: Plan, *, ended: bool = True) -> Plan:
@@ -84,35 +84,30 @@ def with_failures(plan: Plan, *, ended: bool = True) -> Plan:
     by_case: dict[str, list[Failure]] = {}
     for failure in found:
         by_case.setdefault(failure.wildcards.get("case", ""), []).append(failure)
-    asked = receipts.run_record(Path(plan.layout.output)).get("receipts", {})
     known: dict[Mesh, dict[str, Any]] = {}
     for mesh in plan.each_case(plan.layout.certificate):
-        if state := _state(plan, mesh, by_case.get(mesh[0], []), asked):
+        if state := _state(plan, mesh, by_case.get(mesh[0], [])):
             known[mesh] = state | earlier_results(plan, plan.cases[mesh[0]])
     return replace(plan, failures=known, missing=_missing(found))
 
 
-def _state(plan: Plan, mesh: Mesh, of_case: Sequence[Failure], asked: Mapping[str, str]) -> dict[str, Any] | None:
-    """How a mesh failed, or that it is unfinished: `stage`, `state`, `reason`, and `log` if it failed.
-
-    Parameters
-    ----------
-    asked : receipt, below the output folder -> fingerprint of what the last run asked of its job
-    """
+def _state(plan: Plan, mesh: Mesh, of_case: Sequence[Failure]) -> dict[str, Any] | None:
+    """How a mesh failed, or that it is unfinished: `stage`, `state`, `reason`, and `log` if it failed."""
     (_, res, mesher), job = mesh, plan.job(mesh)
     own = (one for one in of_case if one.is_about(res=res, mesher=mesher, setting="") and _counts(plan, job, one))
     if failure := next(own, None):
         words = {"reason": failure.reason, "problem": failure.problem, "remedy": failure.remedy}
         return {"stage": failure.rule, "state": "failed", **words, "log": str(failure.log)}
-    unmade = [stage.name for stage in plan.line(job) if not stage.nested and not _is_made(plan, stage.name, job, asked)]
     files = plan.layout.solver_files(plan.config.export.formats, plan.config.export.ten_nodes)
-    if not _is_made(plan, "certify", job, asked) or not Path(plan.layout.certificate.format(**job)).exists():
-        stage = [*unmade, "certify"][0]
+    reason = "the run ended before"
+    if stage := first_other_stage(plan, mesh):
+        if Path(plan.layout.certificate.format(**job)).exists():
+            reason = f"{_OTHER}; `snakemake --forcerun {stage}` makes it again"
     elif any(not Path(pattern.format(**job)).exists() for pattern in files):
         stage = "export"
     else:
         return None
-    return {"stage": stage, "state": "unfinished", "reason": "the run ended before"}
+    return {"stage": stage, "state": "unfinished", "reason": reason}
 
 
 def _counts(plan: Plan, job: Mapping[str, str], failure: Failure) -> bool:
@@ -131,14 +126,6 @@ def _counts(plan: Plan, job: Mapping[str, str], failure: Failure) -> bool:
             asked[rule] = neighbour.counts(plan, case, rule, wildcards)
     region = wildcards.get("inner")
     return asked.get(rule, True) and (stage is None or stage in plan.line(job)) and (not region or region in case.inner)
-
-
-def _is_made(plan: Plan, rule: str, job: Mapping[str, str], asked: Mapping[str, str]) -> bool:
-    """Whether a stage of a mesh was made with what the last run asked for; a dry run since then asks for nothing."""
-    path = plan.receipt(rule, job)
-    record = receipts.read(path)
-    wanted = asked.get(path.relative_to(plan.layout.output).as_posix(), record.get("asked"))
-    return bool(record) and record["made"] == wanted
 
 
 def _missing(found: Sequence[Failure]) -> Callable[[str], str | None]:

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from cortet.cohort.layout import LABELS, SHARED, Layout, file_of, filled
-from cortet.cohort.receipts import content, receipt_path
 from cortet.cohort.resources import cost, expected_tets, expected_volume_ml, memory_to_ask_mb, minutes_to_ask
 from cortet.cohort.sheet import PHANTOM, Case
+from cortet.cohort.user_files import content
 from cortet.config import Config
 from cortet.errors import InputError
 from cortet.formats.volumes import label_table, volume_file
@@ -31,6 +31,8 @@ Mesh = tuple[str, int, str]
 #: matrix of `Config.placement`, or a message why it is not known
 Placement = tuple[tuple[float, ...], ...] | str | None
 
+#: arguments that name a file; what a job makes depends on the content of files, not on their names
+_LOCATIONS = ("source", "sphere_file")
 #: stands in the name of a common sphere if the hemisphere of a case is not known: no file has this name
 _NO_HEMISPHERE = "{hemi}"
 
@@ -159,10 +161,23 @@ class Jobs:
         return facts
 
     def arguments(self, step: str, job: Job) -> dict[str, Any]:
-        """Keyword arguments of a stage or another step; with its VERSION they decide whether it runs again."""
+        """Keyword arguments of a stage or another step, but for `locations`; with its VERSION they decide whether it
+        runs again.
+        """
         values = self._config_of(step, job).arguments(step, self._facts_of(step, job))
         told = step in STAGES and STAGES[step].takes_inside and "inner" in job.keys()  # noqa: SIM118
-        return {**values, "inside": True} if told else values
+        inside = {"inside": True} if told else {}
+        return without_locations(values) | inside
+
+    def locations(self, step: str, job: Job) -> dict[str, Any]:
+        """The other keyword arguments: names of files for messages and reports."""
+        values = self._config_of(step, job).arguments(step, self._facts_of(step, job))
+        return {key: value for key, value in values.items() if key in _LOCATIONS}
+
+    def stages_before(self, stage: str, job: Job) -> list[str]:
+        """The stages of the line of a job that come before a stage: a job runs again if one is left out or added."""
+        names = [one.name for one in self.line(job)]
+        return names[: names.index(stage)] if stage in names else names
 
     def recorded_line(self, job: Job) -> dict[str, Any]:
         """Arguments and versions of the stages of a setting and of the certificate, for the certificate."""
@@ -286,14 +301,6 @@ class Jobs:
             return []
         return [filled(self.layout.mesh("Solver", suffix), job) for suffix in ("volumes.tsv", "slices.png")]
 
-    def receipt(self, step: str, job: Job) -> Path:
-        """Receipt of the job of a stage, or of the certificate, of a mesh."""
-        stage = STAGES.get(step)
-        keys = {"folder", "case"}
-        if stage is None or stage.gives == "mesh":
-            keys |= {"res", "mesher"} | ({"setting"} if LABELS.get(step) not in SHARED else set())
-        return receipt_path(Path(self.layout.output), Path(filled(self.layout.log(step, keys), job)))
-
     def existing_fields(self, job: Job) -> list[str]:
         """The files of a case's fields that exist; the job reports the others."""
         return [path for path in self.field_paths(job).values() if os.path.isfile(path)]  # noqa: PTH113, names too long
@@ -402,6 +409,11 @@ class Jobs:
     def minutes(self, rule: str, job: Job) -> int:
         """Time limit that a job asks for."""
         return minutes_to_ask(cost(rule, job.get("mesher", "")).cpu_seconds(self.tets(job)))
+
+
+def without_locations(arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of a step without those that only name a file."""
+    return {key: value for key, value in arguments.items() if key not in _LOCATIONS}
 
 
 def existing(path: str | Path | None) -> str | list[str]:

@@ -7,10 +7,11 @@ deleted.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from cortet.cohort.jobs import Mesh
+from cortet.cohort.jobs import Mesh, without_locations
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import Case
 from cortet.formats.ownership import json_of
@@ -56,6 +57,24 @@ def earlier_results(plan: Plan, case: Case) -> dict[str, str]:
     """The entry `earlier` of a state: the folder with outdated results of a case; empty if it has none."""
     folder = Path(plan.layout.output) / case.folder / FOLDER
     return {"earlier": str(folder)} if any(folder.glob(f"*/*/{case.name}_*")) else {}
+
+
+def first_other_stage(plan: Plan, mesh: Mesh) -> str | None:
+    """The first stage, or `certify`, that made a mesh otherwise than planned; None if its certificate is current.
+
+    Its certificate records the parameters and versions of all stages; names of files do not count.
+    """
+    job = plan.job(mesh)
+    wanted = json.loads(json.dumps(plan.recorded_line(job), default=str))
+    made = json_of(Path(plan.layout.certificate.format(**job))).get("parameters")
+    if made is None:
+        reports = plan.reports(job)
+        return next((stage for stage in wanted if stage in reports and not Path(reports[stage]).exists()), "certify")
+    if _has_changed(plan, mesh):
+        return next(iter(wanted))
+    return next(
+        (stage for stage in wanted if without_locations(wanted[stage]) != without_locations(made.get(stage, {}))), None
+    )
 
 
 def _has_changed(plan: Plan, mesh: Mesh) -> bool:

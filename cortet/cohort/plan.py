@@ -13,6 +13,7 @@ from typing import Any
 from cortet.cohort.jobs import Job, Jobs, Mesh, existing
 from cortet.cohort.layout import EXPORTED, beside, filled
 from cortet.cohort.selection import ageless_notice
+from cortet.formats.ownership import changed_of, files_of
 from cortet.neighbours import neighbours
 
 __all__ = ["AFTER_CERTIFICATE", "Plan", "existing"]
@@ -48,6 +49,19 @@ class Plan(Jobs):
         absent = [hole for hole in self.config.export.holes if not regions_of(hole, names)]
         known = f"they have {', '.join(names)}" if names else "they have none"
         return [f"export.holes: no case has an inner surface {hole}, {known}" for hole in absent]
+
+    def edited_exports(self) -> list[str]:
+        """What was changed or deleted of the files for solvers since cortet wrote them, in sentences."""
+        again = "is made again when it is deleted"
+        told = []
+        for mesh in self.solver_files():
+            record = Path(f"{mesh}.json")
+            gone = [name for name in files_of(record) if not (record.parent / name).is_file()]
+            told += [f"{record.parent / name} is gone: {mesh}, to which it belongs, {again}" for name in gone]
+            told += (
+                [] if gone else [f"{file} was changed after cortet wrote it: it {again}" for file in changed_of(record)]
+            )
+        return told
 
     # --- what failed, and what is over all cases -----------------------------------------------------------------
 

@@ -45,6 +45,11 @@ def failure_path(log: Path) -> Path:
     return log.with_suffix(".failure.json")
 
 
+def began(log: Path, rule: str, wildcards: Mapping[str, str]) -> None:
+    """Write `failure.json` of a job that begins: it stays if the job is killed, and a job that succeeds deletes it."""
+    write_json({"stage": rule, "wildcards": dict(wildcards)}, failure_path(log))
+
+
 def write_failure(log: Path, rule: str, wildcards: Mapping[str, str], error: BaseException) -> None:
     """Write `failure.json`: the stage, what happened, in which file, and the remedy."""
     if isinstance(error, CortetError):

@@ -12,9 +12,9 @@ from typing import Any
 from cortet.cohort.jobs import Job, existing
 from cortet.cohort.layout import file_of, filled
 from cortet.cohort.plan import Plan
-from cortet.cohort.receipts import content
 from cortet.cohort.selection import chosen
 from cortet.cohort.sheet import PHANTOM, Case
+from cortet.cohort.user_files import content
 from cortet.errors import InputError
 from cortet.folding.fields import LABEL_FIELD
 from cortet.folding.measures import USUAL, surface_files, weeks_of

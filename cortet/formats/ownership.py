@@ -231,11 +231,6 @@ def files_of(record: Path) -> dict[str, str]:
     return {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else {}
 
 
-def is_whole(record: Path) -> bool:
-    """Whether a record is there, and all files that it lists."""
-    return record.is_file() and all((record.parent / name).is_file() for name in files_of(record))
-
-
 def changed_of(record: Path) -> list[Path]:
     """The files that a record lists and that have another content now; only those newer than the record are read."""
     beside = {record.parent / name: digest for name, digest in files_of(record).items()}

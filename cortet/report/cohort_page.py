@@ -73,6 +73,7 @@ def write_cohort_page(
     tissues: Path | None = None,
     more: Sequence[OnPage] = (),
     dataset: str = "",
+    began: str = "",
 ) -> None:
     """Write the page.
 
@@ -88,6 +89,7 @@ def write_cohort_page(
     maps : hemisphere, L or R -> PNG file of its maps on the common mesh
     tissues : `cohort_tissues.tsv`; None if no case has volumes
     more : parts of the page that neighbours bring
+    began : when a run began that has not ended; empty if none runs
     """
     rows, explained = read_tsv(status), sidecar(COLUMNS)
     described = pd.DataFrame(list(meshes), columns=None if meshes else [*KEY, "page"], dtype=object)
@@ -108,11 +110,12 @@ def write_cohort_page(
     tables = [Path(file) for part in more for file in part.files if file.endswith(".tsv")]
     files = [file.name for file in (status, *(quality or ()), *([tissues] if tissues else ()), *tables)]
     outliers = int((rows["outlying"] != "").sum())
+    older = [("note", f"A run began on {began} and has not ended: what is below is older.")] if began else []
     pages.write(
         path,
         f"{dataset}: all cases" if dataset else "All cases",
         panels,
-        top=[("facts", {"texts": _totals(rows)}), ("counts", {"states": counts.items(), "outliers": outliers})],
+        top=[*older, ("facts", {"texts": _totals(rows)}), ("counts", {"states": counts.items(), "outliers": outliers})],
         end=[("tables", [(name, name) for name in files])],
         wide=True,
         scripts=(pages.source("table.js"),),

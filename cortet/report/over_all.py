@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime
@@ -16,7 +15,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, cast
 
-from cortet.cohort import receipts
 from cortet.cohort.failures import with_failures
 from cortet.cohort.jobs import Mesh, existing
 from cortet.cohort.layout import beside, filled
@@ -26,6 +24,7 @@ from cortet.cohort.sheet import read_sheet
 from cortet.config import load
 from cortet.errors import CortetError, InputError
 from cortet.formats.atomic import atomic_path, write_json
+from cortet.formats.ownership import json_of
 from cortet.neighbours import OnPage, neighbours
 
 #: rules of the core that a whole run asks for
@@ -33,8 +32,8 @@ OF_COHORT = (
     *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "citation"),
     *("cohort_tissues", "cohort_maps_L", "cohort_maps_R", "cohort_page"),
 )
-#: stands at the top of the page of a run that has not ended
-_BANNER = '<p class="older">A run began on {} and has not ended: what is below is older.</p>'
+#: what a run leaves of itself in its output folder
+RUN = ".cortet/run.json"
 
 
 @dataclass(frozen=True)
@@ -89,59 +88,29 @@ def plan_of(config: Mapping[str, Any]) -> Plan:
     return plan
 
 
-def remember_run(plan: Plan, config: Mapping[str, Any], asked: Iterable[str], fingerprints: Mapping[str, str]) -> None:
-    """Leave the configuration of a run in its output folder, and what it asks for.
+def remember_run(plan: Plan, config: Mapping[str, Any], asked: Iterable[str]) -> None:
+    """Leave the configuration of a run in its output folder, and the rules over all cases that it asks for.
 
     Until the run has ended, the page of the cohort says that it is older, and meshes that the run makes again are
     unfinished in the table of states.
-
-    Parameters
-    ----------
-    asked : rules of the run
-    fingerprints : receipt, below the output folder -> fingerprint of what is asked of its job
     """
     output = Path(plan.layout.output)
-    earlier = receipts.run_record(output).get("receipts", {})
     record = {
         "config": json.loads(json.dumps(config, default=str)),
         "asked": sorted(asked),
         "folder": os.path.relpath(Path.cwd(), output),
-        "receipts": {**earlier, **fingerprints},
     }
-    write_json(record, output / receipts.FOLDER / receipts.RUN)
-    status, page = OverAll(with_failures(plan))["cohort_status"], Path(plan.layout.cohort_page)
-    if Path(status.files[0]).exists():
-        times = {path: _times(path) for path in status.files}
-        status.write()
-        for path, time in times.items():
-            os.utime(path, ns=time)
-    if page.exists():
-        banner = _BANNER.format(datetime.now().astimezone().strftime("%Y-%m-%d at %H:%M"))
-        _replace(page, re.sub(r"(<body[^>]*>)", rf"\1{banner}", page.read_text(encoding="utf-8"), count=1))
+    write_json(record, output / RUN)
+    began = datetime.now().astimezone().strftime("%Y-%m-%d at %H:%M")
+    results = OverAll(with_failures(plan), began=began)
+    for result in (results["cohort_status"], results["cohort_page"]):
+        if all(Path(path).exists() for path in (*result.files, *result.inputs())):
+            result.write()
 
 
-def end_run(plan: Plan) -> bool:
-    """Whether results over all cases are up to date after a run without failures; if so, the page says no more."""
-    page = Path(plan.layout.cohort_page)
-    text = page.read_text(encoding="utf-8") if page.exists() else ""
-    plain = re.sub(_BANNER.replace("{}", "[^<]*"), "", text)
-    run = receipts.run_record(Path(plan.layout.output))
-    if plain != text and "cohort_page" in run["asked"]:
-        _replace(page, plain)
-    return plain == text or "cohort_page" in run["asked"]
-
-
-def _times(path: str | Path) -> tuple[int, int]:
-    state = Path(path).stat()
-    return state.st_atime_ns, state.st_mtime_ns
-
-
-def _replace(page: Path, text: str) -> None:
-    """Replace a page that keeps its time, by which Snakemake decides what it makes again."""
-    times = _times(page)
-    with atomic_path(page) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    os.utime(page, ns=times)
+def run_record(output: Path) -> dict[str, Any]:
+    """What the last run left of itself in an output folder; empty if nothing."""
+    return json_of(output / RUN)
 
 
 def plan_of_run(output: Path) -> tuple[Plan, list[str]]:
@@ -154,7 +123,7 @@ def plan_of_run(output: Path) -> tuple[Plan, list[str]]:
     InputError : no run left its configuration there, or its sheet is gone
     """
     output = output.absolute()
-    record = receipts.run_record(output)
+    record = run_record(output)
     try:
         config, asked, folder = record["config"], list(record["asked"]), output / record["folder"]
     except (LookupError, TypeError):
@@ -171,13 +140,12 @@ def plan_of_run(output: Path) -> tuple[Plan, list[str]]:
 def report(output: Path, *, after: Literal["success", "failure"] | None = None) -> list[Path]:
     """Make results over all cases, and the pages of failed cases, of what is in an output folder.
 
-    Results of neighbours are made if the last run asked for them, or if they are there already. The next run makes all
-    of them again.
+    Results of neighbours are made if the last run asked for them, or if they are there already.
 
     Parameters
     ----------
     after : how the run ended that calls this; it then gets, of all results, only what it asked for and what was there,
-        and after a success only what it did not make itself
+        and after a success only the page and what it did not make itself
 
     Returns
     -------
@@ -190,15 +158,14 @@ def report(output: Path, *, after: Literal["success", "failure"] | None = None) 
     plan, asked = plan_of_run(output)
     set_aside(with_failures(plan))
     plan = with_failures(plan)
-    wanted = {None: {*asked, "case_page", *OF_COHORT}, "failure": {*asked}, "success": set[str]()}[after]
-    done = {*asked} if after == "success" else set()
-    written = [Path(path) for path in _write_failure_pages(plan)] if "case_page" in wanted else []
+    wanted = {None: {*asked, *OF_COHORT}, "failure": {*asked}, "success": set[str]()}[after]
+    done = {*asked} - {"cohort_page"} if after == "success" else set()
+    written = [Path(path) for path in _write_failure_pages(plan)]
     measured = bool(plan.measured_certificates())
     for result in OverAll(plan).results:
         there = any(Path(path).exists() for path in result.files)
         if result.rule in done or not (result.rule in wanted or there):
             continue
-        receipts.forget(receipts.receipt_path(Path(plan.layout.output), Path(plan.layout.log(result.rule, ()))))
         if measured or not result.measures:
             result.write()
             written += map(Path, result.files)
@@ -215,7 +182,6 @@ def _write_failure_pages(plan: Plan) -> list[str]:
     for mesh, failure in plan.failures.items():
         if not plan.is_measured(mesh) or failure["stage"] == "volumes":
             _write_failure_page(plan, mesh, failure, pages[mesh], small[mesh])
-            receipts.forget(plan.receipt("case_page", plan.job(mesh)))
             written.append(pages[mesh])
     return written
 
@@ -260,8 +226,7 @@ def aggregate(config: Mapping[str, Any], output: Path, *, dry_run: bool = False)
         raise InputError("holds no mesh of these cases yet", file=output, remedy="run the level participant first")
     if dry_run:
         return []
-    asked = receipts.run_record(output).get("asked", [])
-    remember_run(plan, config, {*asked, *OF_COHORT}, {})
+    remember_run(plan, config, {*run_record(output).get("asked", []), *OF_COHORT})
     return report(output)
 
 
@@ -275,6 +240,8 @@ class OverAll:
     """The results over all cases of a plan."""
 
     plan: Plan
+    #: when a run began that has not ended
+    began: str = ""
 
     @cached_property
     def results(self) -> list[Result]:
@@ -502,6 +469,7 @@ class OverAll:
                 tissues=part["tissues"][0] if part["tissues"] else None,
                 more=of_neighbours(),
                 dataset=plan.config.cohort.dataset.resolve().name if plan.config.cohort.dataset else "",
+                began=self.began,
             )
 
         return Result(

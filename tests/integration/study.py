@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 import yaml
 
-from cortet.cohort.receipts import FOLDER
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.geometry.nesting import joined
 from cortet.meshes import TriSurface
+from cortet.report.over_all import RUN
 from tests.integration import loaded_snakemake
 from tests.unit.shapes import ball_surface
 
@@ -123,8 +123,8 @@ class Study:
 
 
 def is_result(path: Path, outputs: Path) -> bool:
-    """Whether an output is not a log, benchmark or receipt, which tell of the jobs."""
-    return path.relative_to(outputs).parts[0] not in ("logs", "benchmarks", FOLDER)
+    """Whether an output is not a log, a benchmark or the record of the run, which tell of the jobs."""
+    return path.relative_to(outputs).parts[0] not in ("logs", "benchmarks", Path(RUN).parts[0])
 
 
 def surface(number: int) -> TriSurface:

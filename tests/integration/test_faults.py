@@ -20,7 +20,7 @@ import pytest
 from cortet.cohort.lock import NAME
 from cortet.config import Config, load
 from cortet.formats.gifti import write_surface
-from tests.integration.study import ROOT, STATUS, Study, is_result, surface
+from tests.integration.study import STATUS, Study, is_result, surface
 
 SABOTAGE = Path(__file__).parent / "sabotage"
 STAGES = [stage.name for stage in Config().line()]
@@ -92,43 +92,13 @@ def test_a_twin_whose_jobs_were_killed_has_the_same_bits_after_the_other_stages_
     assert len(a) > 15 and a == b
 
 
-def test_a_job_that_failed_or_was_killed_is_run_again_from_its_file_after_moving(
-    finished: Study, tmp_path: Path
-) -> None:
-    study = Study(tmp_path / "study")
-    study.folder.mkdir()
-    for number, name in enumerate("ab"):
-        study.add_case(study.case(name), surface(number))
-    whole = (study.folder / "surfaces/a.surf.gii").read_bytes()
-    (study.folder / "surfaces/a.surf.gii").write_bytes(whole[:3000])
-    gated = "derivatives/cortet/sub-{0}/anat/sub-{0}_hemi-L_desc-gated_white.surf.gii"
-    environment = {**sabotaged(study, kill=[("gate", "sub-b")]), "MY_TOKEN": "hush-hush"}
-    study.config["export"] = {"formats": ["abaqus"]}
-    result = study.run(*map(gated.format, "ab"), env=environment)
-    assert result.returncode != 0
-    failed, killed = sorted(study.logs.rglob("*.job"), key=lambda path: path.parts[-3], reverse=True)
-    assert (failed.parts[-3:-1], killed.parts[-3:-1]) == (("repair", "sub-a"), ("gate", "sub-b"))
-    log = failed.with_suffix(".log").read_text()
-    assert f"_job.py {failed}" in log and f"_job.py {failed}" in result.stdout + result.stderr
-    assert f"_job.py {killed}" in result.stdout + result.stderr
-    assert " ERROR " in log.splitlines()[-1], "the reason stays what a log ends with"
-    for job in (failed, killed):
-        assert b"hush-hush" not in job.read_bytes() and b"abaqus" not in job.read_bytes()
-        assert job.stat().st_mode & 0o077 == 0
-
-    moved = Study(study.folder.rename(tmp_path / "moved"), study.config)
-    for job, words in ((failed, "a.surf.gii: truncated"), (killed, "The program finished")):
-        file = moved.folder / job.relative_to(study.folder)
-        again = [sys.executable, "-m", "pdb", "-c", "continue", str(ROOT / "scripts/_job.py"), str(file)]
-        done = subprocess.run(again, cwd=tmp_path, input="q\n", check=False, capture_output=True, text=True)
-        assert words in done.stdout + done.stderr
-    (expected,) = finished.files("sub-b*desc-gated_white.surf.gii")
-    assert (moved.folder / gated.format("b")).read_bytes() == expected.read_bytes()
-
-    (moved.folder / "surfaces/a.surf.gii").write_bytes(whole)
-    done = moved.run(*map(gated.format, "ab"))
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert not list(moved.logs.rglob("*.job")), "a success deletes it"
+def test_a_job_that_failed_is_run_again_in_a_debugger(study: Study) -> None:
+    (study.folder / "surfaces/a.surf.gii").write_text("no surface")
+    assert study.run("--skip-script-cleanup", STATUS).returncode != 0
+    (script,) = (study.folder / ".snakemake/scripts").glob("*.repair.py")
+    debugger = [sys.executable, "-m", "pdb", "-c", "continue", str(script)]
+    done = subprocess.run(debugger, cwd=study.folder, input="where\nq\n", check=False, capture_output=True, text=True)
+    assert "a.surf.gii: truncated" in done.stdout + done.stderr and "repair.py" in done.stdout
 
 
 def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study: Study, tmp_path: Path) -> None:

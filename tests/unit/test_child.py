@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cortet.cohort.receipts import is_current, read
+from cortet.cohort.status import failure_path
 
 ROOT = Path(__file__).parents[2]
 
@@ -44,13 +44,9 @@ from types import SimpleNamespace
 sys.path.insert(0, "scripts")
 from pathlib import Path
 from _job import start
-from cortet.cohort.receipts import ask
 
-receipt = Path(sys.argv[1] + ".json")
-ask(receipt, "clean", {}, {})
 snakemake = SimpleNamespace(
-    threads=1, log=[sys.argv[1]], rule="clean", wildcards={}, params={}, resources={}, output=[],
-    input=SimpleNamespace(receipt=str(receipt)),
+    threads=1, log=[sys.argv[1]], rule="clean", wildcards={}, params={}, resources={}, output=[], input=[]
 )
 start(snakemake)
 with open(sys.argv[2], "w") as file:
@@ -60,13 +56,17 @@ os.kill(os.getpid(), int(sys.argv[3])) if int(sys.argv[3]) else None
 
 
 @pytest.mark.parametrize("end", [0, signal.SIGTERM, signal.SIGKILL])
-def test_temporary_files_of_a_job_go_with_it_however_it_ends(end: int, tmp_path: Path) -> None:
-    told = tmp_path / "told"
-    environment = {**os.environ, "TMPDIR": str(tmp_path)}
-    command = [sys.executable, "-c", JOB, str(tmp_path / "log"), str(told), str(int(end))]
-    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
-    assert done.returncode == -end, done.stderr
-    assert is_current(read(tmp_path / "log.json")) is (end == 0), "the receipt of a job that was killed is open"
-    folder = Path(told.read_text()).parent
+def test_temporary_files_of_a_job_go_with_it_or_with_the_next_attempt(end: int, tmp_path: Path) -> None:
+    told, log = tmp_path / "told", tmp_path / "job.log"
+
+    def run(end: int) -> Path:
+        environment = {**os.environ, "TMPDIR": str(tmp_path)}
+        command = [sys.executable, "-c", JOB, str(log), str(told), str(int(end))]
+        done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == -end, done.stderr
+        return Path(told.read_text()).parent
+
+    folder = run(end)
     assert folder.parent == tmp_path and folder.name.startswith("cortet-job-")
-    assert wait_until(lambda: not folder.exists())
+    assert failure_path(log).exists() is folder.exists() is (end != 0)
+    assert run(0) == folder and not folder.exists() and not failure_path(log).exists()

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from shapes import ball_surface
 
-from cortet.cohort.receipts import content, require_unchanged
+from cortet.cohort.user_files import content, require_unchanged
 from cortet.errors import InputError, StageError
 from cortet.formats.gifti import (
     hemisphere_of,

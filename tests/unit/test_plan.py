@@ -97,9 +97,15 @@ def test_stages_that_settings_share_run_by_those_of_the_line() -> None:
 
 
 def test_an_inner_surface_is_told_that_it_is_one() -> None:
-    inside, outside = (plan().arguments("gate", one) for one in (job(PAIR, inner="white"), job(PAIR)))
-    assert inside["inside"] and inside["source"] == "white.surf.gii"
-    assert "inside" not in outside and outside["source"] == "pial.surf.gii"
+    inner, outer = job(PAIR, inner="white"), job(PAIR)
+    assert plan().arguments("gate", inner)["inside"] and "inside" not in plan().arguments("gate", outer)
+    assert plan().locations("gate", inner) == {"source": "white.surf.gii"}
+    assert plan().locations("gate", outer) == {"source": "pial.surf.gii"}
+
+
+def test_names_of_files_are_no_parameters() -> None:
+    assert "source" not in plan().arguments("gate", job(GOOD))
+    assert plan().stages_before("gate", job(GOOD)) == ["repair"]
 
 
 def test_a_missing_file_is_no_input_and_a_phantom_is_made(tmp_path: Path) -> None:

@@ -1,0 +1,73 @@
+"""The user's files of a run: what they hold decides whether a job runs again, not their names or times."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from cortet.errors import InputError, StageError
+from cortet.formats.hashing import companions, input_sha256
+
+
+def content(paths: Mapping[str, str | Path]) -> dict[str, str | None]:
+    """SHA-256 of each file; None if a file cannot be read, which the job that needs it will report.
+
+    A file is read once per process, unless its size, times or inode have changed since.
+    """
+    return {name: _hash(Path(path)) for name, path in paths.items()}
+
+
+def require_unchanged(paths: Mapping[str, str | Path], planned: Mapping[str, str | None]) -> None:
+    """Raise StageError if a file has changed since the run was planned.
+
+    Parameters
+    ----------
+    paths : files that a job has read, by name
+    planned : result of `content` when the run was planned
+    """
+    for name, path in paths.items():
+        if planned.get(name) != _hash(Path(path)):
+            raise StageError("has changed since this run was planned", file=path, remedy="start the run again")
+
+
+def require_same_input(file: str | Path, report: Mapping[str, Any], wanted: Mapping[str, str | None]) -> None:
+    """Raise StageError if a stage used other files than those for which a mesh is certified.
+
+    Parameters
+    ----------
+    file : file of the stage's report
+    report : content of that file
+    wanted : `content` of the files of the case; a report on one of its surfaces names that surface's only
+    """
+    found = report.get("input_sha256")
+    if found is None or not found.items() <= wanted.items():
+        raise StageError(
+            "is about another version of the input than the present one",
+            file=file,
+            remedy="start the run again",
+        )
+
+
+def _hash(path: Path) -> str | None:
+    try:
+        state = _state(path)
+        return _hash_of(path, state, *map(_state, _companions(path, state)))
+    except (OSError, InputError):
+        return None
+
+
+def _state(path: Path) -> tuple[int, ...]:
+    stat = path.stat()
+    return stat.st_dev, stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns
+
+
+@cache
+def _companions(path: Path, _state: tuple[int, ...]) -> list[Path]:
+    return companions(path)
+
+
+@cache
+def _hash_of(path: Path, *_states: tuple[int, ...]) -> str:
+    return input_sha256(path)
