@@ -162,8 +162,9 @@ def require_own_output(output: Path, dataset: Path | None) -> None:
         raise InputError(
             "was not written by cortet: the folder is another dataset", file=output / DESCRIPTION, remedy=remedy
         )
-    if output.is_dir() and not os.access(output, os.R_OK | os.X_OK):
-        raise InputError("may not be read", file=output, remedy="mend its permissions, or name another folder")
+    if output.is_dir() and not os.access(output, os.R_OK | os.W_OK | os.X_OK):
+        what = "cannot be read and written to: no permission, or a file system that is only read"
+        raise InputError(what, file=output, remedy="mend its permissions, or name another folder")
     # a run that was killed has left its lock
     begun = any((output / name).exists() for name in (DESCRIPTION, LOCK))
     if not begun and output.is_dir() and any(output.iterdir()):
