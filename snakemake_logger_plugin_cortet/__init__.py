@@ -13,11 +13,12 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from logging import ERROR, WARNING, LogRecord
+from logging import ERROR, INFO, WARNING, Handler, LogRecord
 from pathlib import Path
-from typing import Any, TextIO
+from typing import NamedTuple
 
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
@@ -26,31 +27,27 @@ from snakemake_interface_logger_plugins.common import LogEvent
 _LAST, _FOLD = "certify", "fold"
 #: rules after the certificate, `cortet.cohort.plan.AFTER_CERTIFICATE`: their mesh may be of an earlier run
 _AFTER = {
-    "volumes",
-    "export",
-    "ten_nodes",
-    "case_page",
-    "case_maps",
-    "fold",
-    "fold_figures",
-    "folded_surface",
-    "common_maps",
-    "convergence_run",
-    "prediction_run",
-    "prediction_views",
-    "prediction_spread",
+    *("volumes", "export", "ten_nodes", "case_page", "case_maps", "fold", "fold_figures", "folded_surface"),
+    *("common_maps", "convergence_run", "prediction_run", "prediction_views", "prediction_spread"),
 }
-#: what Snakemake says of a failed job, of which our own line says why
-_SAID = ("RuleException", "CalledProcessError")
-_COUNTED = ("At least one job did not complete", "Exiting because a job execution failed")
-#: what Snakemake says when somebody stops it, and the last line of the log of a job then
+#: exceptions of a failed job, of which our own line says why
+_OF_JOBS = ("RuleException", "CalledProcessError")
+#: what Snakemake says when somebody stops it, of which there is no event; and the last line of the log of a job then
 _TERMINATING, _INTERRUPTED, _STOPPED = "Terminating processes on user request", "KeyboardInterrupt", "stopped by you"
-#: what Snakemake says when it was asked for something else than a run
-_ASKED_FOR = ("Lints for", "Congratulations", "Report created", "Unlocked", "Cleaned up", "Deleting", "Would", "Remov")
 #: a live line is cut there, so that it stays one
 _WIDTH = 100
 #: seconds of silence after which a log file, which has no live line, gets one
 _SILENCE = 60.0
+
+
+class Job(NamedTuple):
+    """What is known of a job: its mesh in words, its case, when it began."""
+
+    rule: str
+    mesh: str
+    case: str
+    output: Sequence[str]
+    began: float
 
 
 @dataclass
@@ -58,37 +55,27 @@ class Progress:
     """How far a run has come, from the events of Snakemake."""
 
     clock: Callable[[], float] = time.monotonic
-    #: meshes that are made in this run
+    #: meshes that are made in this run, and the names of those that are done or failed
     meshes: int = 0
-    #: names of the meshes that are done or failed
     finished: set[str] = field(default_factory=set)
-    #: by what became of them: certified, not certified, failed
-    counts: dict[str, int] = field(default_factory=dict)
-    #: jobs done and in all, and when the first one began
+    #: jobs done and in all, and those that are running
     jobs: tuple[int, int] = (0, 0)
-    began: float | None = None
-    #: job -> what is known of it
-    running: dict[int, Mapping[str, Any]] = field(default_factory=dict)
-    #: case -> when its first job began
+    running: dict[int, Job] = field(default_factory=dict)
+    #: case -> when its first job began; jobs over all cases have an empty name, here and below
     starts: dict[str, float] = field(default_factory=dict)
     #: cases with a job that failed
     failures: set[str] = field(default_factory=set)
     #: whether somebody has stopped the run
     stopped: bool = False
-    #: case -> its jobs in a dry run, and how often; those over all cases under an empty name
-    plan: dict[str, dict[str, int]] = field(default_factory=dict)
+    #: case -> how many jobs of each rule it has in a dry run
+    plan: defaultdict[str, Counter[str]] = field(default_factory=lambda: defaultdict(Counter))
 
     def planned(self, stats: Mapping[str, int]) -> str:
         """What will be done, from the number of jobs of each rule."""
-        self.meshes, self.jobs = stats.get(_LAST, 0), (0, stats.get("total", 0))
+        self.meshes, self.jobs = stats.get(_LAST, 0), (0, stats["total"])
         meshes = f"{self.meshes} {'mesh' if self.meshes == 1 else 'meshes'} to make, " if self.meshes else ""
         folds = f"{stats[_FOLD]} to fold, " if stats.get(_FOLD) else ""
         return f"{meshes}{folds}{self.jobs[1]} jobs"
-
-    def would(self, rule: str, wildcards: Mapping[str, str]) -> None:
-        """A job would run."""
-        jobs = self.plan.setdefault(wildcards.get("case", ""), {})
-        jobs[rule] = jobs.get(rule, 0) + 1
 
     def would_do(self) -> Iterator[str]:
         """What would be done to each case, then over all of them."""
@@ -96,77 +83,64 @@ class Progress:
             names = (rule if count == 1 else f"{rule} ({count})" for rule, count in jobs.items())
             yield f"  {case or 'over all cases'}: {', '.join(names)}"
 
-    def started(self, job: int, rule: str, wildcards: Mapping[str, str], files: Mapping[str, Any]) -> None:
+    def started(self, job: int, rule: str, wildcards: Mapping[str, str], output: Sequence[str] = ()) -> None:
         """A job starts."""
-        self.began = self.clock() if self.began is None else self.began
-        case = mesh_name(wildcards)
-        if case:
-            self.starts.setdefault(wildcards["case"], self.clock())
-        known = {"rule": rule, "case": case, "name": wildcards.get("case", ""), "began": self.clock()}
-        self.running[job] = known | dict(files)
+        case, now = wildcards.get("case", ""), self.clock()
+        self.starts.setdefault(case, now)
+        self.running[job] = Job(rule, mesh_name(wildcards), case, output, now)
 
-    def ended(self, job: int) -> str | None:
-        """A job has ended well; the line of a mesh or a fold that is done with it."""
-        known = self.running.pop(job, {"rule": ""})
-        if known["rule"] == _LAST:
-            return self._done(known)
-        if known["rule"] == _FOLD:
-            return self._folded(known)
-        return None
+    def ended(self, number: int) -> str:
+        """A job has ended well; the line of a mesh or a fold that is done with it, else nothing."""
+        job = self.running.pop(number, None)
+        if job is None or job.rule not in (_LAST, _FOLD):
+            return ""
+        record = json.loads(Path(job.output[0]).read_text(encoding="utf-8"))
+        if job.rule == _FOLD:
+            index = f"gyrification index {record['gyrification_index_last']:.2f}"
+            return f"{self._counted(job)}  {record['reason']}; {index}, {self._minutes(job.began)}{self.left()}"
+        self.finished.add(job.mesh)
+        verdict, why = "certified", ""
+        if not record["certified"]:
+            verdict, why = "not certified", f": {'; '.join(record['reasons'])}"
+        numbers = f"worst q {record['quality']['q']['max']:.3f}, {record['quality']['tets']:,} tetrahedra"
+        return f"{self._counted(job)}  {verdict}, {numbers}, {self._minutes(self.starts[job.case])}{self.left()}{why}"
 
-    def failed(self, job: int, rule: str, log: str | None) -> str | None:
-        """The line of a job that failed; none for one that was stopped."""
-        known = self.running.pop(job, {"rule": rule, "case": "", "name": ""})
-        self.stopped = self.stopped or reason(log) == _STOPPED
-        if self.stopped:
-            return None
-        self.counts["failed"] = self.counts.get("failed", 0) + 1
-        self.failures |= {known["name"]} - {""}
-        self.finished |= {known["case"]} - {""} if rule not in _AFTER else set()
-        what = f"{known['case'] or rule}  failed in {rule}: {reason(log)}"
-        return f"{self._counter()}{what}" + (f"\n{' ' * len(self._counter())}more in {log}" if log else "")
-
-    def end(self) -> str | None:
-        """The last line of a run that was stopped; others end with that of the workflow."""
-        if not self.stopped:
-            return None
-        return f"{_STOPPED} after {self.jobs[0]} of {self.jobs[1]} jobs; the same command goes on from there"
+    def failed(self, number: int, log: str) -> str:
+        """The lines of a job that failed; nothing for one that was stopped, or whose lines were said."""
+        job, why = self.running.pop(number, None), reason(log)
+        self.stopped = self.stopped or why == _STOPPED
+        if job is None or self.stopped:
+            return ""
+        self.failures.add(job.case)
+        if job.rule not in _AFTER:
+            self.finished |= {job.mesh} - {""}
+        where = f"\n{' ' * len(self._counter())}more in {log}" if log else ""
+        return f"{self._counted(job)}  failed in {job.rule}: {why}{where}"
 
     def live(self) -> str:
         """What is running now."""
-        now = [f"{one['rule']} {one['case']}".strip() for one in self.running.values()]
+        now = [f"{job.rule} {job.mesh}".strip() for job in self.running.values()]
         done, total = self.jobs
         return f"{done}/{total} jobs{self.left()}  {', '.join(now)}"[:_WIDTH]
 
     def left(self) -> str:
         """The time that is left, were all jobs alike; nothing before a tenth of them is done."""
         done, total = self.jobs
-        if self.began is None or done < max(total / 10, 1) or done == total:
+        if not self.starts or done < max(total / 10, 1) or done == total:
             return ""
-        seconds = (self.clock() - self.began) / done * (total - done)
+        seconds = (self.clock() - min(self.starts.values())) / done * (total - done)
         if seconds < 30 and done > total / 2:  # the first jobs of a cohort are its shortest
             return ", nearly done"
         return f", about {seconds / 60:.0f} min left" if seconds > 90 else ", about a minute left"
 
-    def _done(self, known: Mapping[str, Any]) -> str:
-        self.finished.add(known["case"])
-        certificate = json.loads(Path(known["output"][0]).read_text(encoding="utf-8"))
-        quality, good = certificate["quality"], certificate["certified"]
-        verdict = "certified" if good else "not certified"
-        self.counts[verdict] = self.counts.get(verdict, 0) + 1
-        minutes = (self.clock() - self.starts.get(known["name"], self.clock())) / 60
-        why = "" if good else f": {'; '.join(certificate['reasons'])}"
-        numbers = f"worst q {quality['q']['max']:.3f}, {quality['tets']:,} tetrahedra, {minutes:.1f} min"
-        return f"{self._counter()}{known['case']}  {verdict}, {numbers}{self.left()}{why}"
-
-    def _folded(self, known: Mapping[str, Any]) -> str:
-        verdict = json.loads(Path(known["output"][0]).read_text(encoding="utf-8"))
-        minutes = (self.clock() - known["began"]) / 60
-        index = f"gyrification index {verdict['gyrification_index_last']:.2f}, {minutes:.1f} min"
-        return f"{self._counter()}{known['case']}  {verdict['reason']}; {index}{self.left()}"
+    def _minutes(self, began: float) -> str:
+        return f"{(self.clock() - began) / 60:.1f} min"
 
     def _counter(self) -> str:
         return f"{len(self.finished):{len(str(self.meshes))}}/{self.meshes}  " if self.meshes else ""
+
+    def _counted(self, job: Job) -> str:
+        return f"{self._counter()}{job.mesh or job.rule}"
 
 
 def mesh_name(wildcards: Mapping[str, str]) -> str:
@@ -178,10 +152,10 @@ def mesh_name(wildcards: Mapping[str, str]) -> str:
     return f"{case} ({', '.join(more)})" if case and more else case
 
 
-def reason(log: str | None) -> str:
+def reason(log: str) -> str:
     """Why a job failed: the last words of its log."""
     try:
-        lines = Path(log or "").read_text(encoding="utf-8", errors="replace").splitlines()
+        lines = Path(log).read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         return "it left no log"
     if lines[-1:] == [_INTERRUPTED]:
@@ -191,18 +165,24 @@ def reason(log: str | None) -> str:
 
 
 class LogHandler(LogHandlerBase):
-    """Snakemake's logger plugin `cortet`."""
+    """Snakemake's logger plugin `cortet`: it sees every event, and has its own words unless all is to be shown."""
+
+    writes_to_stream = has_filter = has_formatter = True
+    writes_to_file = needs_rulegraph = False
 
     def __post_init__(self) -> None:
-        self.stream: TextIO = sys.stdout
-        self._verbose = bool(self.common_settings.verbose)
-        self.progress, self._live, self._last = Progress(), self.stream.isatty(), ""
-        self._said_at = self.progress.clock()
+        Handler.__init__(self)  # the base class of Snakemake 9.0 leaves it out
+        self.has_filter = self.has_formatter = not self.common_settings.verbose
+        self.stream, self.progress = sys.stdout, Progress()
+        self._live, self._last, self._said_at = self.stream.isatty(), "", self.progress.clock()
+        # what is said at the end; until a run starts, it may be the answer to an option of Snakemake
+        self._at_end: list[str] = []
+        self._runs = self._is_over = False
 
     def emit(self, record: LogRecord) -> None:
         """Say what an event means, if it means anything to a user."""
         try:
-            for line in [self.format(record)] if self._verbose else self._lines(record):
+            for line in self._lines(record) if self.has_formatter else [self.format(record)]:
                 self._say(line)
             if self._live and self.progress.running:
                 self._show(self.progress.live())
@@ -211,95 +191,68 @@ class LogHandler(LogHandlerBase):
 
     def close(self) -> None:
         """Say how it ended."""
-        if self._last:
-            self._show("")
-        if end := self.progress.end():
-            self._say(end)
-            self.progress.stopped = False  # it is closed again
+        if self.progress.stopped:
+            done, total = self.progress.jobs
+            self._at_end = [f"{_STOPPED} after {done} of {total} jobs; the same command goes on from there"]
+        self._show("")
+        for line in self._at_end:
+            self._say(line)
+        self.progress.stopped, self._at_end = False, []  # it is closed again
         super().close()
 
     def _lines(self, record: LogRecord) -> Iterator[str]:
-        event, progress = getattr(record, "event", None), self.progress
-        known = record.__dict__
-        if event == LogEvent.RUN_INFO:
-            if not progress.jobs[1]:
-                yield progress.planned(known["stats"])
-            else:  # a dry run says it again after its jobs
-                yield from progress.would_do()
-        elif event == LogEvent.JOB_INFO:
-            rule, wildcards = known["rule_name"], dict(known["wildcards"] or {})
-            if self.common_settings.dryrun:
-                progress.would(rule, wildcards)
-            else:
-                progress.started(known["jobid"], rule, wildcards, {"output": list(known["output"])})
-        elif event == LogEvent.JOB_FINISHED:
-            if line := progress.ended(known["job_id"]):
-                yield line
-        elif event == LogEvent.JOB_ERROR:
-            if line := progress.failed(known["jobid"], known["rule_name"], next(iter(known["log"] or []), None)):
-                yield line
-        elif event == LogEvent.PROGRESS:
-            progress.jobs = (known["done"], known["total"])
-            if not self._live and progress.clock() - self._said_at > _SILENCE:
-                yield progress.live()
-        elif record.getMessage().startswith(_TERMINATING):
-            progress.stopped = True
-        elif event == LogEvent.ERROR or record.levelno >= ERROR:
-            if not self._was_said(record):
+        """What to say of a record, line by line; an empty line is not said."""
+        progress, known = self.progress, record.__dict__
+        match known.get("event"):
+            case LogEvent.WORKFLOW_STARTED:
+                self._runs, self._at_end = True, ["nothing to do: everything is up to date"]
+            case LogEvent.RUN_INFO:  # of a dry run before and after its jobs
+                self._at_end = []
+                yield from progress.would_do() if progress.plan else [progress.planned(known["stats"])]
+            case LogEvent.JOB_INFO if self.common_settings.dryrun:
+                progress.plan[(known["wildcards"] or {}).get("case", "")][known["rule_name"]] += 1
+            case LogEvent.JOB_INFO:
+                wildcards = dict(known["wildcards"] or {})
+                progress.started(known["jobid"], known["rule_name"], wildcards, list(known["output"]))
+            case LogEvent.JOB_FINISHED:
+                yield progress.ended(known["job_id"])
+            case LogEvent.JOB_ERROR:
+                yield progress.failed(known["jobid"], next(iter(known["log"] or []), ""))
+            case LogEvent.PROGRESS:
+                progress.jobs = (known["done"], known["total"])
+                if not self._live and progress.clock() - self._said_at > _SILENCE:
+                    yield progress.live()
+            case LogEvent.ERROR | None if record.levelno >= ERROR:
+                if not self._repeats(known.get("exception")):
+                    self._at_end = []
+                    yield record.getMessage()
+            case None if record.levelno == WARNING:
                 yield record.getMessage()
-        elif self._is_asked_for(record):
-            yield record.getMessage()
-        elif "Nothing to be done" in record.getMessage():
-            yield "nothing to do: everything is up to date"
+            case None if not self._runs and record.levelno == INFO:
+                self._at_end.append(record.getMessage())
+            case None:
+                progress.stopped = progress.stopped or record.getMessage().startswith(_TERMINATING)
 
-    @staticmethod
-    def _is_asked_for(record: LogRecord) -> bool:
-        """Whether a message is a notice of cortet's own rules, or the answer to an option of Snakemake."""
-        own = record.levelno == WARNING and record.pathname.endswith(".smk")
-        return own or record.getMessage().startswith(_ASKED_FOR)
+    def _repeats(self, exception: str | None) -> bool:
+        """Whether an error says again what the lines on failed jobs have said, or that the run was stopped.
 
-    def _was_said(self, record: LogRecord) -> bool:
-        """Whether the line on a failed job says so, or a line of the Snakefile, which begins with its case."""
-        words = record.getMessage().removeprefix("WorkflowError:").lstrip()
-        if getattr(record, "exception", "") in _SAID:
-            return True
-        over = self.progress.stopped or self.progress.counts.get("failed")
-        return bool(over) and (words.startswith((*_COUNTED, *self.progress.failures)))
+        When all jobs are over and some have failed, errors of no exception count them, of Snakemake and then of the
+        workflow; after them comes a `WorkflowError`.
+        """
+        if self.progress.stopped or (self.progress.failures and exception is None):
+            self._is_over = True
+        return exception in _OF_JOBS or (self._is_over and exception in (None, "WorkflowError"))
 
     def _say(self, line: str) -> None:
-        if self._last:
+        if line:
             self._show("")
-        self.stream.write(f"{line}\n")
-        self.stream.flush()
-        self._said_at = self.progress.clock()
+            self.stream.write(f"{line}\n")
+            self.stream.flush()
+            self._said_at = self.progress.clock()
 
     def _show(self, line: str) -> None:
         """Replace the last line of a terminal."""
-        self.stream.write(f"\r{line:<{len(self._last)}}" + ("\r" if not line else ""))
-        self.stream.flush()
-        self._last = line
-
-    @property
-    def writes_to_stream(self) -> bool:
-        """It does."""
-        return True
-
-    @property
-    def writes_to_file(self) -> bool:
-        """It does not; Snakemake's own log file has everything."""
-        return False
-
-    @property
-    def has_filter(self) -> bool:
-        """It looks at every event."""
-        return not self._verbose
-
-    @property
-    def has_formatter(self) -> bool:
-        """It has its own words."""
-        return not self._verbose
-
-    @property
-    def needs_rulegraph(self) -> bool:
-        """It does not."""
-        return False
+        if line or self._last:
+            self.stream.write(f"\r{line:<{len(self._last)}}" + ("\r" if not line else ""))
+            self.stream.flush()
+            self._last = line

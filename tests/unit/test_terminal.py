@@ -44,10 +44,10 @@ def test_the_command_snakemake_knows_the_logger_wherever_it_is_started(tmp_path:
 
 def test_a_certified_mesh_is_one_line_with_its_numbers_and_minutes(tmp_path: Path) -> None:
     run, now = progress()
-    run.started(1, "repair", WILDCARDS, {})
+    run.started(1, "repair", WILDCARDS)
     now[0] = 60.0
-    assert run.ended(1) is None
-    run.started(2, "certify", WILDCARDS, {"output": [str(certificate(tmp_path))]})
+    assert not run.ended(1)
+    run.started(2, "certify", WILDCARDS, [str(certificate(tmp_path))])
     now[0] = 90.0
     line = run.ended(2)
     assert line == "1/1  sub-01_hemi-L (0.6 mm)  certified, worst q 0.335, 41,487 tetrahedra, 1.5 min"
@@ -55,9 +55,9 @@ def test_a_certified_mesh_is_one_line_with_its_numbers_and_minutes(tmp_path: Pat
 
 def test_a_mesh_that_is_not_certified_says_why(tmp_path: Path) -> None:
     run, _ = progress()
-    run.started(2, "certify", WILDCARDS, {"output": [str(certificate(tmp_path, certified=False))]})
+    run.started(2, "certify", WILDCARDS, [str(certificate(tmp_path, certified=False))])
     line = run.ended(2)
-    assert line is not None and "not certified" in line and line.endswith(": worst q is 0.7; it has a void")
+    assert "not certified" in line and line.endswith(": worst q is 0.7; it has a void")
 
 
 def test_a_fold_is_one_line_with_its_verdict(tmp_path: Path) -> None:
@@ -65,7 +65,7 @@ def test_a_fold_is_one_line_with_its_verdict(tmp_path: Path) -> None:
     verdict.write_text(json.dumps({"reason": "folded from 22 to 34 weeks", "gyrification_index_last": 1.2451}))
     run, now = progress()
     assert run.planned({"certify": 2, "fold": 3, "total": 40}) == "2 meshes to make, 3 to fold, 40 jobs"
-    run.started(7, "fold", {**WILDCARDS, "variant": "Thin"}, {"output": [str(verdict)]})
+    run.started(7, "fold", {**WILDCARDS, "variant": "Thin"}, [str(verdict)])
     now[0] = 120.0
     assert run.ended(7) == (
         "0/2  sub-01_hemi-L (0.6 mm, Thin)  folded from 22 to 34 weeks; gyrification index 1.25, 2.0 min"
@@ -76,24 +76,24 @@ def test_a_job_that_failed_names_its_rule_its_reason_and_its_log(tmp_path: Path)
     log = tmp_path / "repair.log"
     log.write_text("12:00 INFO begins\n12:01 ERROR x.surf.gii: truncated\n")
     run, _ = progress(meshes=12)
-    run.started(1, "repair", WILDCARDS, {})
-    line = run.failed(1, "repair", str(log))
+    run.started(1, "repair", WILDCARDS)
+    line = run.failed(1, str(log))
     assert line == f" 1/12  sub-01_hemi-L (0.6 mm)  failed in repair: x.surf.gii: truncated\n       more in {log}"
     assert run.failures == {"sub-01_hemi-L"}
 
 
 def test_a_job_that_fails_after_the_certificate_does_not_count_its_mesh_again(tmp_path: Path) -> None:
     run, _ = progress()
-    run.started(1, "certify", WILDCARDS, {"output": [str(certificate(tmp_path))]})
+    run.started(1, "certify", WILDCARDS, [str(certificate(tmp_path))])
     run.ended(1)
-    run.started(2, "export", WILDCARDS, {})
-    assert run.failed(2, "export", None).startswith("1/1  sub-01_hemi-L (0.6 mm)  failed in export")
+    run.started(2, "export", WILDCARDS)
+    assert run.failed(2, "").startswith("1/1  sub-01_hemi-L (0.6 mm)  failed in export")
 
 
 def test_a_mesh_of_an_earlier_run_does_not_count_where_its_export_fails() -> None:
     run, _ = progress()
-    run.started(1, "export", WILDCARDS, {})
-    assert run.failed(1, "export", None).startswith("0/1  sub-01_hemi-L (0.6 mm)  failed in export")
+    run.started(1, "export", WILDCARDS)
+    assert run.failed(1, "").startswith("0/1  sub-01_hemi-L (0.6 mm)  failed in export")
     assert set(AFTER_CERTIFICATE) == _AFTER  # which the plugin cannot import
 
 
@@ -107,7 +107,7 @@ def test_a_job_without_last_words_was_killed(tmp_path: Path, content: str | None
 
 def test_the_time_that_is_left_follows_from_the_jobs_that_are_done() -> None:
     run, now = progress(jobs=100)
-    run.started(1, "repair", WILDCARDS, {})
+    run.started(1, "repair", WILDCARDS)
     now[0] = 600.0
     assert run.left() == ""
     run.jobs = (20, 100)
@@ -142,10 +142,11 @@ def test_errors_of_snakemake_are_said_once(tmp_path: Path, capsys: pytest.Captur
     emit(handler, event=LogEvent.RUN_INFO, stats={"certify": 1, "total": 3})
     emit(handler, event=LogEvent.JOB_INFO, jobid=1, rule_name="repair", wildcards=WILDCARDS, output=[])
     emit(handler, "long words", logging.ERROR, event=LogEvent.ERROR, exception="RuleException")
-    emit(handler, event=LogEvent.JOB_ERROR, jobid=1, rule_name="repair", log=[str(tmp_path / "x.log")])
-    emit(handler, "sub-01_hemi-L: repair: it left no log", logging.ERROR)
-    emit(handler, "WorkflowError:\nAt least one job did not complete successfully.", logging.ERROR)
-    emit(handler, "At least one job did not complete successfully.", logging.ERROR, exception="WorkflowError")
+    for _ in range(2):  # by Snakemake 9.0
+        emit(handler, event=LogEvent.JOB_ERROR, jobid=1, rule_name="repair", log=[str(tmp_path / "x.log")])
+    emit(handler, "jobs failed", logging.ERROR)
+    emit(handler, "sub-01_hemi-L: repair: it left no log", logging.ERROR, "/x/rules/end.smk")
+    emit(handler, "jobs failed", logging.ERROR, event=LogEvent.ERROR, exception="WorkflowError")
     assert capsys.readouterr().out.splitlines() == [
         "1 mesh to make, 3 jobs",
         "1/1  sub-01_hemi-L (0.6 mm)  failed in repair: it left no log",
@@ -177,7 +178,7 @@ def test_a_run_that_is_stopped_has_no_failures(tmp_path: Path, capsys: pytest.Ca
     emit(handler, event=LogEvent.JOB_ERROR, jobid=1, rule_name="repair", log=[str(log)])
     emit(handler, "Terminating processes on user request, this might take some time.")
     emit(handler, event=LogEvent.JOB_ERROR, jobid=2, rule_name="gate", log=[])
-    emit(handler, "WorkflowError:\nAt least one job did not complete successfully.", logging.ERROR)
+    emit(handler, "jobs failed", logging.ERROR, event=LogEvent.ERROR, exception="WorkflowError")
     handler.close()
     handler.close()
     assert capsys.readouterr().out.splitlines() == [
@@ -188,9 +189,9 @@ def test_a_run_that_is_stopped_has_no_failures(tmp_path: Path, capsys: pytest.Ca
 
 def test_answers_to_options_of_snakemake_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
     handler = new_handler()
-    emit(handler, "Building DAG of jobs...")
     emit(handler, "Lints for rule x (line 4, x.smk):", logging.WARNING, "/x/snakemake/linting/__init__.py")
     emit(handler, "Unlocked working directory.")
+    handler.close()
     assert capsys.readouterr().out.splitlines() == ["Lints for rule x (line 4, x.smk):", "Unlocked working directory."]
 
 
@@ -203,19 +204,41 @@ def test_verbose_is_as_snakemake_says_it(capsys: pytest.CaptureFixture[str]) -> 
 
 def test_other_errors_of_snakemake_are_shown(capsys: pytest.CaptureFixture[str]) -> None:
     handler = new_handler()
+    emit(handler, "Building DAG of jobs...")
     emit(handler, "Target rules may not contain wildcards.", logging.ERROR, event=LogEvent.ERROR, exception="X")
-    emit(handler, "Nothing to be done (all requested files are present and up to date).")
-    assert capsys.readouterr().out.splitlines() == [
-        "Target rules may not contain wildcards.",
-        "nothing to do: everything is up to date",
-    ]
+    handler.close()
+    assert capsys.readouterr().out.splitlines() == ["Target rules may not contain wildcards."]
 
 
-def test_notices_of_the_rules_are_shown_and_those_of_snakemake_are_not(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("kind", ["MissingOutputException", "WorkflowError"])
+def test_an_error_that_is_not_about_a_failed_job_is_shown_after_one(
+    kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     handler = new_handler()
-    emit(handler, "Assuming unrestricted shared filesystem usage.", logging.WARNING, "/x/snakemake/dag.py")
+    emit(handler, event=LogEvent.JOB_INFO, jobid=1, rule_name="repair", wildcards=WILDCARDS, output=[])
+    emit(handler, event=LogEvent.JOB_ERROR, jobid=1, rule_name="repair", log=[str(tmp_path / "x.log")])
+    emit(handler, "a job needs more memory than there is", logging.ERROR, event=LogEvent.ERROR, exception=kind)
+    assert "more memory" in capsys.readouterr().out
+
+
+def test_a_run_without_jobs_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    handler = new_handler()
+    emit(handler, "Building DAG of jobs...")
+    emit(handler, event=LogEvent.WORKFLOW_STARTED)
+    emit(handler, "Nothing to be done (all requested files are present and up to date).")
+    handler.close()
+    assert capsys.readouterr().out.splitlines() == ["nothing to do: everything is up to date"]
+
+
+def test_warnings_are_shown_and_remarks_of_a_run_are_not(capsys: pytest.CaptureFixture[str]) -> None:
+    handler = new_handler()
+    emit(handler, "Assuming unrestricted shared filesystem usage.")
+    emit(handler, event=LogEvent.WORKFLOW_STARTED)
+    emit(handler, "Using shell: /usr/bin/bash")
+    emit(handler, event=LogEvent.RUN_INFO, stats={"total": 1})
     emit(handler, "2 cases without an age", logging.WARNING, "/x/rules/common.smk")
-    assert capsys.readouterr().out.splitlines() == ["2 cases without an age"]
+    handler.close()
+    assert capsys.readouterr().out.splitlines() == ["1 jobs", "2 cases without an age"]
 
 
 def test_a_log_file_says_what_is_running_after_a_minute_of_silence(capsys: pytest.CaptureFixture[str]) -> None:
