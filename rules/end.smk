@@ -12,7 +12,7 @@ from cortet.cohort.app import outcome, workflow as of_workflow
 from cortet.cohort.failures import with_failures
 from cortet.cohort.lock import HELD_BY, hold, is_held_by_parent
 from cortet.cohort.outdated import set_aside
-from cortet.report.over_all import remember_run
+from cortet.report.over_all import is_of_run, remember_run
 
 FOLDER = of_workflow()  # the main Snakefile may be a user's, which includes ours
 HELD = []  # files whose locks last until the end of this process
@@ -32,7 +32,8 @@ onstart:
             HELD.append(hold(CONFIG.output))
     except CortetError as error:
         raise WorkflowError(str(error)) from None
-    for moved in set_aside(PLAN):
+    dropped = is_of_run(config, CONFIG.output)
+    for moved in [] if workflow.touch else set_aside(PLAN, dropped=dropped):
         logger.warning(moved)
     remember_run(PLAN, config, ASKED)
     for neighbour in neighbours():

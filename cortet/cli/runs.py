@@ -193,8 +193,8 @@ def run(
         print(f"  {case.name}  {age}  {case.surface}", flush=True)
     for notice in app.source_notice(output_dir, bids_dir):
         print(f"  {notice}", flush=True)
-    with app.lock(bids_dir, output_dir):
-        work = work_dir or app.work_folder(output_dir)
+    work = work_dir or app.work_folder(output_dir)
+    with app.lock(bids_dir, output_dir), app.unchanged(work, dry_run=dry_run):
         app.prepare(cases, bids_dir, output_dir, work, settings, selected=not selection.is_all)
         code, most, names = 0, cores or os.cpu_count() or 1, frozenset(case.name for case in cases)
         plan = plan_of(read(work / "config.yaml"))

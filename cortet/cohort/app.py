@@ -12,7 +12,8 @@ import re
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Literal
@@ -245,6 +246,22 @@ def prepare(
     with atomic_path(file) as temporary:
         temporary.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
     write_sheet(cases, sheet)
+
+
+@contextmanager
+def unchanged(work: Path, *, dry_run: bool) -> Iterator[None]:
+    """After a dry run, put the sheet and the configuration of a working folder back as they were."""
+    files = [work / "cohort.tsv", work / "config.yaml"]
+    before = {file: file.read_bytes() if file.is_file() else None for file in files}
+    try:
+        yield
+    finally:
+        for file, content in before.items() if dry_run else ():
+            if content is None:
+                file.unlink(missing_ok=True)
+            else:
+                with atomic_path(file) as temporary:
+                    temporary.write_bytes(content)
 
 
 def _claim(work: Path, output: Path, files: Sequence[Path]) -> None:

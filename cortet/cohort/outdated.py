@@ -14,21 +14,25 @@ from pathlib import Path
 from cortet.cohort.jobs import Mesh, without_locations
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import Case
-from cortet.formats.ownership import json_of
+from cortet.formats.ownership import files_of, json_of
 from cortet.neighbours import neighbours
 
-#: folder of a case for its outdated results; each time results move, they get a numbered folder in it
+#: folder of a case for its outdated results, in numbered folders
 FOLDER = "outdated"
 #: end of the name of a certificate
 _CERTIFICATE = "Solver_certificate.json"
 
 
-def set_aside(plan: Plan) -> list[str]:
+def set_aside(plan: Plan, *, dropped: bool = False) -> list[str]:
     """Move outdated results to the folder `outdated` of their case.
+
+    A case whose surface cannot be found keeps its results: its disk may be missing, and they are still those of the
+    surface that the sheet names.
 
     Parameters
     ----------
     plan : with its failures, if a run has ended
+    dropped : whether cases that the sheet does not name were in it before, and count as excluded
 
     Returns
     -------
@@ -36,20 +40,25 @@ def set_aside(plan: Plan) -> list[str]:
     """
     told = []
     for mesh in plan.each_case(plan.layout.certificate):
-        failure = plan.failures.get(mesh, {})
-        if _has_changed(plan, mesh):
-            why, settings = "its surface has changed", list(plan.settings)
-        elif failure.get("state") == "failed" and not plan.is_measured(mesh):
-            why, settings = f"{failure['stage']} failed", [""]
-        else:
-            continue
+        failure, job = plan.failures.get(mesh, {}), plan.job(mesh)
         folder = Path(plan.layout.output) / plan.cases[mesh[0]].folder
-        if moved := _move(folder, _results(plan, mesh, settings)):
+        why, entries = "", iter(list[Path]())
+        if _has_changed(plan, mesh):
+            why, entries = "its surface has changed", _results(plan, mesh, plan.settings)
+        elif failure.get("state") == "failed" and None not in plan.input_sha256(job).values():
+            why = f"{failure['stage']} failed"
+            if not plan.is_measured(mesh):
+                entries = _results(plan, mesh, [""])
+            elif failure["stage"] == "volumes":
+                entries = _exported(plan, mesh)
+        if moved := _move(folder, entries):
             told.append(f"{mesh[0]}: {why}, and its earlier results were moved to {moved}")
+    excluded = {case.name for case in plan.sheet if not case.include}
     for name, folder in _without_row(plan):
-        entries = [path for begin in ("res-", "desc-") for path in folder.glob(f"*/{name}_{begin}*")]
-        moved = _move(folder, [path for path in entries if path.parent.name != "anat"])
-        told.append(f"{name}: the sheet does not include it, and its results were moved to {moved}")
+        if dropped or name in excluded:
+            entries = (path for begin in ("res-", "desc-") for path in folder.glob(f"*/{name}_{begin}*"))
+            moved = _move(folder, (path for path in entries if path.parent.name != "anat"))
+            told.append(f"{name}: the sheet does not include it, and its results were moved to {moved}")
     return told
 
 
@@ -83,7 +92,10 @@ def _has_changed(plan: Plan, mesh: Mesh) -> bool:
     made_from = json_of(Path(plan.layout.mesh("Solver", "tetmesh.json").format(**job))).get("input_sha256")
     if not isinstance(made_from, dict):
         return False
-    return any(now is not None and made_from.get(name) != now for name, now in plan.input_sha256(job).items())
+    present = plan.input_sha256(job)
+    return made_from.keys() != present.keys() or any(
+        now is not None and made_from[name] != now for name, now in present.items()
+    )
 
 
 def _results(plan: Plan, mesh: Mesh, settings: Iterable[str]) -> Iterator[Path]:
@@ -98,6 +110,15 @@ def _results(plan: Plan, mesh: Mesh, settings: Iterable[str]) -> Iterator[Path]:
                 yield from folder.glob(f"*/{name}{label}*")
 
 
+def _exported(plan: Plan, mesh: Mesh) -> Iterator[Path]:
+    """The files of a mesh for solvers, and those that belong to them."""
+    patterns = plan.layout.solver_files(plan.config.export.formats, plan.config.export.ten_nodes)
+    for path in (Path(pattern.format(**plan.job(mesh))) for pattern in patterns):
+        record = path.with_name(f"{path.name}.json")
+        names = {path.name, record.name, *files_of(record)}
+        yield from (path.parent / name for name in sorted(names) if (path.parent / name).is_file())
+
+
 def _without_row(plan: Plan) -> list[tuple[str, Path]]:
     """Names and folders of the cases that have a certificate, but no row of the sheet that includes them."""
     output = Path(plan.layout.output)
@@ -107,8 +128,8 @@ def _without_row(plan: Plan) -> list[tuple[str, Path]]:
 
 
 def _move(folder: Path, entries: Iterable[Path]) -> Path | None:
-    """Move files and folders of a case to a new numbered folder; None if there are none."""
-    entries = list(entries)
+    """Move files and folders of a case to a new numbered folder, certificates last; None if there are none."""
+    entries = sorted(entries, key=lambda path: (path.name.endswith(_CERTIFICATE), path))
     if not entries:
         return None
     numbers = [int(path.name) for path in (folder / FOLDER).glob("*") if path.name.isdecimal()]

@@ -14,6 +14,7 @@ from typing import Any
 from cortet.errors import InputError
 from cortet.formats.ownership import (
     about_to_write,
+    delete_abandoned,
     delete_made,
     is_temporary,
     may_write,
@@ -66,6 +67,7 @@ def atomic_folder(path: str | Path, *, replaced: Iterable[Path] = ()) -> Iterato
     path = Path(path)
     may_write(path)
     _make_folder(path.parent)
+    delete_abandoned(path.parent, path.name)
     temporary = temporary_beside(path)
     temporary.mkdir()
     try:

@@ -77,13 +77,21 @@ def write(mesh: TetMesh, path: str | Path) -> None:
     files = {"mesh": Path(path), "facets": facets_path(path)}
     place = {key: f"{data_path(files[_grid_of(key)]).name}:/{key}" for key in arrays}
     for grid, target in files.items():
-        with atomic_path(data_path(target)) as temporary, h5py.File(temporary, "w") as file:
-            for key, values in arrays.items():
-                if _grid_of(key) == grid:
-                    file.create_dataset(key, data=values)
+        with atomic_path(data_path(target)) as temporary:
+            temporary.write_bytes(_hdf5({key: values for key, values in arrays.items() if _grid_of(key) == grid}))
         with atomic_path(target) as temporary:
             document = ElementTree.ElementTree(_document(grid, arrays, place, names[grid]))
             document.write(temporary, encoding="utf-8", xml_declaration=True)
+
+
+def _hdf5(arrays: dict[str, NDArray[Any]]) -> bytes:
+    """An HDF5 file of arrays, made in memory: on a full disk the library crashes."""
+    with h5py.File("memory", "w", driver="core", backing_store=False) as file:
+        for key, values in arrays.items():
+            file.create_dataset(key, data=values)
+        file.flush()
+        content: bytes = file.id.get_file_image()
+    return content
 
 
 def _grid_of(key: str) -> str:

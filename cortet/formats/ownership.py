@@ -14,6 +14,7 @@ import json
 import os
 import re
 import secrets
+import shutil
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -55,8 +56,8 @@ class _Guard:
     made: set[Path] = field(default_factory=set)
 
     def is_below_own_folder(self, place: Path) -> bool:
-        """Whether a file lies in a folder of the command."""
-        return any(map(place.is_relative_to, self.folders))
+        """Whether a file lies in a folder of the command, whatever `..` its name has."""
+        return any(map(Path(os.path.normpath(place)).is_relative_to, self.folders))
 
 
 _guard: ContextVar[_Guard | None] = ContextVar("_guard", default=None)
@@ -89,7 +90,8 @@ def guarded(
     known = {identity: path for path in inputs if (identity := _identity(path))}
     outputs = tuple(files)
     _refuse_repeated(outputs)
-    token = _guard.set(_Guard(known, outputs, tuple(folder.absolute() for folder in folders), force))
+    below = tuple(Path(os.path.normpath(folder.absolute())) for folder in folders)
+    token = _guard.set(_Guard(known, outputs, below, force))
     try:
         for path in outputs:
             may_write(path)
@@ -191,16 +193,16 @@ def temporary_beside(path: Path) -> Path:
 
 
 def delete_abandoned(folder: Path, *names: str) -> None:
-    """Delete temporary files for the manifest and for files of these names or patterns, whose processes no longer run.
+    """Delete temporary files and folders for the manifest and for these names or patterns whose processes have ended.
 
     No manifest lists temporary files, so only their names tell that they are cortet's.
     """
     for path in sorted(folder.glob(".*")):
         found = _TEMPORARY.fullmatch(path.name)
-        if not found or path.is_symlink() or not path.is_file() or _runs(int(found[1])):
+        if not found or path.is_symlink() or _runs(int(found[1])):
             continue
         if any(fnmatchcase(found[2], name) for name in (MANIFEST, *names)):
-            path.unlink(missing_ok=True)
+            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
 
 
 def is_ours(path: Path) -> bool:

@@ -108,6 +108,15 @@ def remember_run(plan: Plan, config: Mapping[str, Any], asked: Iterable[str]) ->
             result.write()
 
 
+def is_of_run(config: Mapping[str, Any], output: Path) -> bool:
+    """Whether the last run that wrote to an output folder had the sheet and the dataset of a configuration."""
+    record = run_record(output)
+    earlier = (record.get("config") or {}).get("cohort") or {}
+    return all(earlier.get(key) == (config.get("cohort") or {}).get(key) for key in ("sheet", "dataset")) and bool(
+        record
+    )
+
+
 def run_record(output: Path) -> dict[str, Any]:
     """What the last run left of itself in an output folder; empty if nothing."""
     return json_of(output / RUN)

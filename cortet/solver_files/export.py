@@ -264,8 +264,12 @@ def convert(
 
 def _in_mm(form: Format, source: Path, record: Mapping[str, Any], unit: str | None) -> TetMesh:
     """The mesh of a file in mm; InputError if it cannot be one of a brain."""
+    known = record.get("units", {}).get("coordinates")
+    if unit and known and unit != known:
+        what = f"has coordinates in {known}, as its sidecar says, not in {unit}"
+        raise InputError(what, file=source, remedy="leave --source-unit out")
     if form.has_unit:
-        unit = unit or record.get("units", {}).get("coordinates", "um")
+        unit = unit or known or "um"
     if form.has_unit and unit in ("mm", "um"):
         mesh = form.read(source, unit=unit)
     else:

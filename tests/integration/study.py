@@ -123,8 +123,9 @@ class Study:
 
 
 def is_result(path: Path, outputs: Path) -> bool:
-    """Whether an output is not a log, a benchmark or the record of the run, which tell of the jobs."""
-    return path.relative_to(outputs).parts[0] not in ("logs", "benchmarks", Path(RUN).parts[0])
+    """Whether an output is a present result: no log, benchmark or record of the run, and not outdated."""
+    parts = path.relative_to(outputs).parts
+    return parts[0] not in ("logs", "benchmarks", Path(RUN).parts[0]) and "outdated" not in parts
 
 
 def surface(number: int) -> TriSurface:

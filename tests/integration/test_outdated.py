@@ -6,14 +6,16 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+from cortet.cohort.sheet import write_sheet
 from cortet.formats.hashing import sha256
 from tests.integration.study import Study
+from tests.integration.study import surface as study_surface
 
 
 def results(study: Study, participant: str) -> set[str]:
     """Names of the exported mesh and the certificate of a case, wherever they claim to be its result."""
     files = study.files(f"sub-{participant}/**/*Solver_*")
-    return {path.name.rpartition("Solver_")[2] for path in files if "outdated" not in path.parts}
+    return {path.name.rpartition("Solver_")[2] for path in files}
 
 
 def outdated(study: Study, participant: str) -> Path:
@@ -62,3 +64,21 @@ def test_a_touched_surface_moves_nothing(study: Study) -> None:
     Path(study.case("b").surface).touch()
     study.jobs_of_run()
     assert not list(study.outputs.rglob("outdated"))
+
+
+def test_results_of_a_surface_that_cannot_be_found_stay(study: Study) -> None:
+    """Its disk may be missing, and they are still those of the surface that the sheet names."""
+    path = Path(study.case("b").surface)
+    path.rename(path.with_name("aside"))
+    study.jobs_of_run(succeeds=False)
+    assert study.status()["sub-b_hemi-L"]["state"] == "failed" and "certificate.json" in results(study, "b")
+
+
+def test_another_sheet_on_the_same_output_drops_no_case_of_the_first(study: Study) -> None:
+    study.add_case(study.case("c"), study_surface(2))
+    cases = study.cases()
+    write_sheet([cases[-1]], study.folder / "other.tsv")
+    study.write_cases(cases[:-1])
+    study.config["cohort"] = {"sheet": "other.tsv"}
+    study.jobs_of_run("meshes")
+    assert all("certificate.json" in results(study, name) for name in "abc")
