@@ -71,9 +71,8 @@ from cortet.folding import fenics_job
 from cortet.folding.body import Body, Material, Scale, body_of
 from cortet.folding.calculix import write_job
 from cortet.folding.contact import contact_of, listed_at
-from cortet.folding.fold_figures import series
 from cortet.folding.growth import Linear
-from cortet.folding.journal import SERIES, TABLE
+from cortet.folding.journal import SERIES, TABLE, series
 from cortet.folding.kernels import DONE, LIST_OUTDATED, Motion, advance, energies, workspace
 from cortet.folding.law import ACROSS
 from cortet.folding.models import course, tangential

@@ -1,7 +1,6 @@
 """The whole line for one surface and its inner surfaces: from resampling and repair to the certificate and the files.
 
-The workflow runs the same stages with the same arguments in the same order, one file at a time. What it, the command
-and Python write for solvers goes through `write`.
+The workflow runs the same stages with the same arguments in the same order, one file at a time.
 """
 
 from __future__ import annotations
@@ -15,25 +14,19 @@ from typing import Any, NamedTuple
 
 from cortet.config import Config, load
 from cortet.errors import InputError
-from cortet.formats import FORMATS, format_of
+from cortet.formats import format_of
 from cortet.formats.atomic import recorded
-from cortet.formats.gifti import read_surface
 from cortet.formats.ownership import may_write
 from cortet.formats.placement import placed
 from cortet.formats.tables import write_table
-from cortet.formats.volumes import is_volume
 from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate, certify
 from cortet.meshes import TetMesh, TriSurface, region_names
-from cortet.phantoms import phantom
-from cortet.solver_files.export import Matrices, export
-from cortet.solver_files.fields import FieldSource, field_sources
 from cortet.solver_files.meshed import Origin, certificate_path, meshed_files, require_own_stem, write_meshed
-from cortet.solver_files.sets import named_sets
 from cortet.solver_files.sidecar import sidecar_path
-from cortet.solver_files.surface_map import surface_map
 from cortet.solver_files.volumes import TISSUE_COLUMNS, require_in_place
+from cortet.solver_files.write import write
 from cortet.stages import STAGES
 
 logger = logging.getLogger(__name__)
@@ -176,6 +169,8 @@ def _require_sizes(surface: TriSurface, config: Config) -> None:
 
 def warm_up() -> None:
     """Compile the kernels of the line if this machine has not done so yet, by meshing a coarse phantom."""
+    from cortet.phantoms import phantom
+
     mesh_surface(phantom(24.0, subdivisions=3), load({"generate": {"cell_size": 4.0}}))
 
 
@@ -275,95 +270,6 @@ def improve(
                 )
 
     return _certified(line(), config, progress, cell_size=cell_size, case=case, source=source)
-
-
-def with_sets(
-    mesh: TetMesh,
-    surface: TriSurface,
-    origin: Origin,
-    *,
-    sets: Mapping[str, Any],
-    labels: Mapping[str, Mapping[int, str]],
-    units: Mapping[str, str],
-) -> tuple[TetMesh, dict[str, FieldSource]]:
-    """A mesh with its named sets, as files hold it, and where each of its fields comes from.
-
-    Parameters
-    ----------
-    surface : that was meshed
-    sets : `Export.sets`
-    labels : volume -> label -> name
-    units : field -> unit
-    """
-    sources = field_sources(origin.fields, units)
-    names = {**{name: source.labels for name, source in sources.items()}, **labels}
-    return named_sets(mesh, **sets, inner=list(surface.inner), label_names=names, tissues=labels), sources
-
-
-def write(
-    mesh: TetMesh,
-    surface: TriSurface,
-    path: Path,
-    *,
-    certificate: Mapping[str, Any],
-    origin: Origin,
-    sets: Mapping[str, Any],
-    labels: Mapping[str, Mapping[int, str]],
-    units: Mapping[str, str],
-    arguments: Mapping[str, Any],
-    temporary: Path | None = None,
-) -> list[str]:
-    """Write a mesh for a solver, with its sets and a sidecar, verified as written; returns what the format cannot hold.
-
-    Every mesh that cortet makes leaves it here. Parameters are those of `with_sets`; and
-
-    Parameters
-    ----------
-    mesh : from `stages.solver_ready`, with the values of its volumes
-    certificate : content of its certificate.json
-    arguments : `Config.export_arguments`
-    temporary : folder that holds the surfaces that were meshed, and gets the files; all of them move to that of `path`
-
-    Raises
-    ------
-    InputError, StageError : as `solver_files.export.export`
-    """
-    named, sources = with_sets(mesh, surface, origin, sets=sets, labels=labels, units=units)
-    made_from = origin.made_from(path.parent, temporary)
-    options = {name: value for name, value in arguments.items() if name != "map"}
-    beside, told = None, []
-    if arguments.get("map") and not FORMATS[arguments["solver"]].is_surface:
-        beside = _matrices(surface, certificate, origin)
-        told = [] if beside else ["no map: the given surface is no file of a surface"]
-    frame = surface.frame
-    lacks = export(
-        named,
-        temporary / path.name if temporary else path,
-        certificate=certificate,
-        frame=frame,
-        sources=sources,
-        made_from=made_from,
-        beside=beside,
-        **options,
-    )
-    return lacks + told
-
-
-def _matrices(surface: TriSurface, certificate: Mapping[str, Any], origin: Origin) -> Matrices | None:
-    """What makes the matrices between a mesh and the surface as it was read; None if that was no surface."""
-    given = next(iter(origin.given.values()), None)
-    if given is None or is_volume(str(given)):
-        return None
-    parameters = certificate["parameters"]
-    native = placed(read_surface(given, finite=False), parameters.get("gate", {}).get("to_mm"))
-
-    def matrices(mesh: TetMesh) -> dict[str, Any]:
-        found = surface_map(
-            mesh, replace(surface, inner={}), replace(native, point_data={}), renumbered="resample" in parameters
-        )
-        return {"to_surface": found.to_surface, "from_surface": found.from_surface}
-
-    return matrices
 
 
 class Companions(NamedTuple):

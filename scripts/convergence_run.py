@@ -11,8 +11,7 @@ job = start(snakemake)
 from cortet.config import load
 from cortet.folding.carried import carried
 from cortet.folding.fold import fold
-from cortet.folding.fold_figures import series
-from cortet.folding.journal import SERIES, per_percent
+from cortet.folding.journal import SERIES, per_percent, series
 from cortet.folding.section import Settings
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json

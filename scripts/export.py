@@ -11,8 +11,8 @@ job = start(snakemake)
 from _exported import read_made
 
 from cortet.meshes import by_region
-from cortet.pipeline import write
 from cortet.solver_files.meshed import Origin
+from cortet.solver_files.write import write
 
 job.require_unchanged_input()
 mesh, surface, named = read_made(job.input, job.params)

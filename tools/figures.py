@@ -27,9 +27,8 @@ from matplotlib.patches import Patch
 from playwright.sync_api import sync_playwright
 
 from cortet.cli import main as cortet
-from cortet.folding.fold_figures import series
 from cortet.folding.fold_views import centre, extent, real_brain, sides, simulated_brain, view
-from cortet.folding.journal import SERIES
+from cortet.folding.journal import SERIES, series
 from cortet.formats import vtu
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.tsv import read_tsv, write_tsv

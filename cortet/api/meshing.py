@@ -42,7 +42,6 @@ from cortet.measure.certify import Certificate, with_remarks
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, region_names, require_measurable
 from cortet.pipeline import Meshed, Step, mesh_surface, save
-from cortet.pipeline import with_sets as with_named_sets
 from cortet.solver_files.earlier import read_today
 from cortet.solver_files.fields import with_fields, with_q
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
@@ -57,6 +56,7 @@ from cortet.solver_files.volumes import (
     require_in_place,
     with_volumes,
 )
+from cortet.solver_files.write import with_sets as with_named_sets
 
 if TYPE_CHECKING:
     import meshio

@@ -90,8 +90,7 @@ class Folded:
 
     def at(self, ga: float) -> TetMesh:
         """The mesh of the frame nearest to an age, weeks."""
-        from cortet.folding.fold_figures import series
-        from cortet.folding.journal import SERIES
+        from cortet.folding.journal import SERIES, series
         from cortet.formats import vtu
 
         frames = series(self.folder / SERIES)
@@ -99,8 +98,8 @@ class Folded:
 
     def plot(self) -> NDArray[np.uint8]:
         """The surface at the end, seen from its side: (height, width, 3)."""
-        from cortet.folding.fold_figures import series, views
-        from cortet.folding.journal import SERIES
+        from cortet.folding.fold_figures import views
+        from cortet.folding.journal import SERIES, series
 
         return next(views([series(self.folder / SERIES)[-1][0]], self.hemi))
 

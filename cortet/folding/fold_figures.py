@@ -6,7 +6,6 @@ import json
 import logging
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from xml.etree import ElementTree
 
 import matplotlib as mpl
 import numpy as np
@@ -17,7 +16,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 from scipy.spatial import cKDTree
 
-from cortet.errors import InputError
 from cortet.folding import real_brains
 from cortet.folding.fold_views import (
     COLOURS,
@@ -36,7 +34,7 @@ from cortet.folding.fold_views import (
     simulated_brain,
     view,
 )
-from cortet.folding.journal import SERIES, TABLE, VERDICT
+from cortet.folding.journal import SERIES, TABLE, VERDICT, series
 from cortet.folding.measures import MEASURES
 from cortet.formats.atomic import atomic_path
 from cortet.formats.gifti import hemisphere_of, read_fields, read_surface
@@ -112,15 +110,6 @@ def draw(
     save(sheet(rows, hemisphere, colours, doubts), folder / PICTURE)
     film(frames, hemisphere, folder / FILM)
     return [folder / name for name in (NUMBERS, PICTURE, FILM)]
-
-
-def series(path: Path) -> list[tuple[Path, float]]:
-    """Frames of a run and their gestational ages, from its `.pvd` file."""
-    try:
-        entries = list(ElementTree.parse(path).iter("DataSet"))
-    except (OSError, ElementTree.ParseError) as error:
-        raise InputError(f"cannot be read: {error}", file=path, remedy="fold the mesh again") from error
-    return [(path.parent / entry.attrib["file"], float(entry.attrib["timestep"])) for entry in entries]
 
 
 def numbers(table: Path, hemisphere: str | None) -> Figure:

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.folding.fields import THICKNESS_FIELD
-from cortet.folding.fold_figures import series
-from cortet.folding.journal import SERIES
+from cortet.folding.journal import SERIES, series
 from cortet.folding.measurements import depth_below_hull, gaussian_curvature, local_gyrification, mean_curvature
 from cortet.formats import vtu
 from cortet.formats.components import in_components

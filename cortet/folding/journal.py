@@ -8,6 +8,7 @@ import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -59,6 +60,15 @@ def write_series(frames: Sequence[tuple[str, float]], path: Path) -> None:
             f"{lines}  </Collection>\n</VTKFile>\n",
             encoding="utf-8",
         )
+
+
+def series(path: Path) -> list[tuple[Path, float]]:
+    """Frames of a run and their gestational ages, from its `.pvd` file."""
+    try:
+        entries = list(ElementTree.parse(path).iter("DataSet"))
+    except (OSError, ElementTree.ParseError) as error:
+        raise InputError(f"cannot be read: {error}", file=path, remedy="fold the mesh again") from error
+    return [(path.parent / entry.attrib["file"], float(entry.attrib["timestep"])) for entry in entries]
 
 
 # --- checkpoint

@@ -327,8 +327,8 @@ def _folded(
     core: Mapping[float, FloatArray] | None = None,
 ) -> tuple[Verdict, dict[float, FloatArray]]:
     """Fold a mesh by some maps, and carry the first surface along: age -> (n, 3) mm."""
-    from cortet.folding.fold_figures import series as frames_of
     from cortet.folding.journal import SERIES
+    from cortet.folding.journal import series as frames_of
 
     fields = {growth_field(age): values for age, values in maps.items()}
     grown, _ = transfer(mesh, TriSurface(series.first.points, series.first.faces, fields))

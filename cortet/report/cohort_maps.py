@@ -10,10 +10,9 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
@@ -24,9 +23,10 @@ from cortet.geometry.interpolation import at_triangles, is_label
 from cortet.geometry.spheres import same_triangles
 from cortet.geometry.topology import boundary_surface
 from cortet.meshes import TetMesh, TriSurface
-from cortet.report.figures import PAGE, drawn, letter, save
-from cortet.report.surface_maps import map_view, usual_range
 from cortet.stages.transfer import THICKNESS, with_thickness
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 VERSION: int = 3
 
@@ -96,6 +96,9 @@ def _mean(values: Sequence[NDArray[Any]]) -> NDArray[Any]:
 
 def maps_figure(mean: TriSurface) -> Figure:
     """Each scalar map on the mean surface, from the left and the right of the head, with its own colours."""
+    from cortet.report.figures import PAGE, drawn, letter  # no job on a case draws
+    from cortet.report.surface_maps import map_view, usual_range
+
     shown = {name: values for name, values in mean.point_data.items() if values.ndim == 1}
     with drawn(PAGE, 2.6 * len(shown)) as figure:
         axes = figure.subplots(len(shown), len(_SIDES), squeeze=False)
@@ -121,6 +124,8 @@ def write_maps(
     ----------
     cases : name of a case, and file of its `case_map`
     """
+    from cortet.report.figures import save
+
     mean, counts = mean_map([read_surface(path) for _, path in cases])
     write_surface(replace(mean, point_data={}), surface)
     write_fields(mean.point_data, maps)

@@ -6,3 +6,6 @@ COLOURS = BLUE, VERMILION, GREEN, ORANGE, PURPLE = "#0072B2", "#D55E00", "#009E7
 GREY = "#B8B8B8"
 #: of its lines, which are thin
 DARK_GREY = "#8C8C8C"
+#: of the regions by number, and their names
+REGION_COLOURS = ("#E69F00", "#56B4E9", "#009E73", "#CC79A7", "#F0E442")
+COLOUR_NAMES = ("orange", "blue", "green", "pink", "yellow")

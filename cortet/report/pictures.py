@@ -17,8 +17,9 @@ from cortet.measure.lost import distances_to
 from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface
 from cortet.report import pages
 from cortet.report.boundary_view import colour_scale
+from cortet.report.colours import COLOUR_NAMES
 from cortet.report.pages import SIDES
-from cortet.report.render import COLOUR_NAMES, cut_view, reddest, surface_view, webp
+from cortet.report.render import cut_view, reddest, surface_view, webp
 
 Picture = dict[str, Any]
 

@@ -21,6 +21,7 @@ from cortet.formats.surface_sets import interface_sets
 from cortet.geometry.topology import boundary_surface, compact
 from cortet.measure.quality import quality
 from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface
+from cortet.report.colours import REGION_COLOURS
 
 VERSION: int = 5
 
@@ -68,11 +69,6 @@ _CUT_LOOK = {
     "ambient": 0.5,
     "diffuse": 0.5,
 }
-
-
-#: colours of the regions by number, and their names; colour-blind readers tell them apart
-REGION_COLOURS = ("#E69F00", "#56B4E9", "#009E73", "#CC79A7", "#F0E442")
-COLOUR_NAMES = ("orange", "blue", "green", "pink", "yellow")
 #: directions in a picture: along its width, its height and the view; lengths of scale bars, mm
 _DIRECTIONS = (("on the left", "on the right"), ("down", "up"), ("away from you", "towards you"))
 _BARS = (1, 2, 5, 10, 20, 50)

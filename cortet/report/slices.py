@@ -13,8 +13,7 @@ from cortet.formats.atomic import atomic_path
 from cortet.formats.volumes import Volume, to_scanner
 from cortet.geometry.voxels import in_voxels
 from cortet.meshes import REGION, CoordinateFrame, FloatArray, IntArray, TetMesh
-from cortet.report.colours import GREY
-from cortet.report.render import REGION_COLOURS
+from cortet.report.colours import GREY, REGION_COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,9 +17,9 @@ from shapes import ball_mesh, ball_surface
 from cortet.cli import main
 from cortet.errors import InputError
 from cortet.folding import fold_figures
-from cortet.folding.fold_figures import numbers, series, weeks
+from cortet.folding.fold_figures import numbers, weeks
 from cortet.folding.fold_views import brain_of
-from cortet.folding.journal import per_percent, reached, status
+from cortet.folding.journal import per_percent, reached, series, status
 from cortet.folding.measurements import Measurements
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface

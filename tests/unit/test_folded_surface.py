@@ -13,10 +13,11 @@ from shapes import ball_mesh, ball_surface
 from cortet.cli import main
 from cortet.errors import InputError
 from cortet.folding.fold import SAME_AGE, fold
-from cortet.folding.fold_figures import draw, mapped, series
+from cortet.folding.fold_figures import draw, mapped
 from cortet.folding.fold_views import COLOURS, Colours, Row
 from cortet.folding.folded_surface import folded_surface, maps_of
 from cortet.folding.growth import time_of
+from cortet.folding.journal import series
 from cortet.folding.kernels import elastic_forces, nodal_forces
 from cortet.folding.measurements import gaussian_curvature, local_gyrification
 from cortet.folding.measures import MEASURES, surface_files, weeks_in

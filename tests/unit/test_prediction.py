@@ -17,9 +17,9 @@ from cortet.errors import InputError
 from cortet.folding.carried import carried
 from cortet.folding.fields import growth_field
 from cortet.folding.fold import fold
-from cortet.folding.fold_figures import series as frames_of
 from cortet.folding.growth import AREA, usual
 from cortet.folding.journal import SERIES
+from cortet.folding.journal import series as frames_of
 from cortet.folding.longitudinal import Series, lobes_of, series_of
 from cortet.folding.prediction import (
     KINDS,

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from cortet.errors import InputError
 from cortet.meshes import REGION, TetMesh
-from cortet.report.colours import GREY
-from cortet.report.render import REGION_COLOURS, _aim, _bar, _cut, _directions, off_screen, picture
+from cortet.report.colours import GREY, REGION_COLOURS
+from cortet.report.render import _aim, _bar, _cut, _directions, off_screen, picture
 from cortet.report.slices import draw_section, middle_of, section
 
 
