@@ -29,6 +29,7 @@ for result in RESULTS:
             result.rule
         input:
             files=partial(made_from, result),
+            reported=existing(f"{OUT}/{REPORTED}"),
         output:
             [in_report(result, path) for path in result.files],
         log:

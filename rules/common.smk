@@ -26,7 +26,7 @@ from cortet.config import keys_not_given, read, version_of
 from cortet.errors import CortetError
 from cortet.meshers import OWN
 from cortet.neighbours import neighbours
-from cortet.report.over_all import OF_COHORT, OverAll, plan_of
+from cortet.report.over_all import OF_COHORT, REPORTED, OverAll, plan_of
 from cortet.stages import STAGES
 
 

@@ -34,6 +34,8 @@ OF_COHORT = (
 )
 #: what a run leaves of itself in its output folder
 RUN = ".cortet/run.json"
+#: when `report` last wrote results that a run may still change; Snakemake then makes them again
+REPORTED = ".cortet/reported.txt"
 
 
 @dataclass(frozen=True)
@@ -181,6 +183,9 @@ def report(output: Path, *, after: Literal["success", "failure"] | None = None) 
         else:
             for path in result.files:
                 Path(path).unlink(missing_ok=True)
+    if after != "success":
+        with atomic_path(Path(plan.layout.output) / REPORTED) as temporary:
+            temporary.write_text(datetime.now().isoformat(), encoding="utf-8")
     return written
 
 
