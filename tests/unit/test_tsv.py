@@ -92,7 +92,8 @@ def test_what_is_no_table_is_refused(content: bytes, words: str, tmp_path: Path)
         read_tsv(tmp_path / "t.tsv")
 
 
-def test_pandas_is_loaded_only_where_a_table_is_made() -> None:
-    modules = "cortet.stages.clean, cortet.cohort.sheet, cortet.folding.fold"
-    code = f"import sys, {modules}; sys.exit('pandas' in sys.modules)"
+def test_a_job_loads_pandas_and_vtk_only_if_it_makes_a_table_or_a_picture_with_them() -> None:
+    modules = "cortet.stages.clean, cortet.cohort.sheet, cortet.folding.fold, cortet.folding.folded_surface"
+    modules += ", cortet.report.cohort_maps, cortet.report.slices, cortet.solver_files.write"
+    code = f"import sys, {modules}; sys.exit(bool({{'pandas', 'pyvista', 'cortet.config'}} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
