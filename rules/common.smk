@@ -121,7 +121,7 @@ def derived(function):
 
 
 def stage_params(stage):
-    """Parameters of a rule of a stage: what its result depends on, and what its report records."""
+    """Parameters of the job of a stage, on which its result depends or which its report records."""
     return {
         "arguments": partial(PLAN.arguments, stage),
         "locations": derived(partial(PLAN.locations, stage)),

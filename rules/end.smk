@@ -58,5 +58,5 @@ onerror:
         if failure["state"] != "unfinished":
             logger.error(f"{case}: {failure['stage']}: {failure['reason']}")
     for moved in set_aside(plan):
-        logger.error(moved)
+        logger.warning(moved)
     end_run("failure")
