@@ -77,8 +77,8 @@ def hero() -> None:
     for name in ("pial", "white"):
         nibabel.save(nibabel.load(adult / f"{name}_left.gii.gz"), f"{name}.surf.gii")
     run("mesh", "pial.surf.gii", "--inner", "white=white.surf.gii", "--cell-size", 1.5, "-o", "adult.vtu")
-    run("mesh", FETAL / "CRL_STA28_left_white.surf.gii", "--ga", 28, "--cell-size", 0.9, "-o", "fetal.vtu")
-    run("fold", "fetal.vtu", "--ga", 28, "--hemi", "L", "--end", 34, "-o", "fetal")
+    run("mesh", FETAL / "CRL_STA22_left_white.surf.gii", "--ga", 22, "--cell-size", 0.63, "-o", "fetal.vtu")
+    run("fold", "fetal.vtu", "--ga", 22, "--hemi", "L", "--end", 34, "-o", "fetal")
     with drawn(PAGE, 4.1) as figure:
         cut, brains = figure.subfigures(1, 2, width_ratios=(1, 1.45))
         draw_hero_section(cut, vtu.read("adult.vtu"))
@@ -105,7 +105,7 @@ def draw_hero_section(figure: SubFigure, mesh: TetMesh) -> None:
 
 def draw_hero_fold(figure: SubFigure, frames: list[tuple[Path, float]]) -> None:
     """Real brains, and beside them the fold of the youngest at their ages, all from the left at one scale."""
-    (lateral, *_), weeks = sides("L"), (28, 30, 34)
+    (lateral, *_), weeks = sides("L"), (22, 28, 34)
     real = {week: real_brain(FETAL / f"CRL_STA{week}_left_white.surf.gii", "L") for week in weeks}
     made = {week: simulated_brain(min(frames, key=lambda one: abs(one[1] - week))[0]) for week in weeks}
     figure.suptitle("Folding by growth, fetal left hemisphere (sulci blue, gyri red)")
@@ -120,7 +120,7 @@ def draw_hero_fold(figure: SubFigure, frames: list[tuple[Path, float]]) -> None:
             axis.spines[:].set_visible(False)
         row[0].set_ylabel(f"{week} weeks")
     grid[0, 0].set_title("real (CRL atlas)")
-    grid[0, 1].set_title("simulated from 28 weeks on")
+    grid[0, 1].set_title("simulated from 22 weeks on")
     for axis in grid[-1]:
         axis.set_xlabel("anterior \u2190 \u2192 posterior")
     grid[-1, 1].plot([width - 22, width - 2], [1, 1], color="black", linewidth=1.5)
@@ -144,14 +144,6 @@ def head() -> None:
     save(PIL.Image.open("slices.png"), "slices.png", width=1640)
     run(*mesh, "--inner", "white=head/white.surf.gii", "--shell", 2, "--cell-size", 2, "-o", "shell.vtu")
     save(cut_view(with_regions(vtu.read("shell.vtu"), ["cortex", "white"]), regions=True), "shell.png")
-
-
-def folded() -> None:
-    """folded_phantom.png: cells half as large as those of the demo cohort, whose folds are shallow."""
-    run("phantom", "--ga", 22, "-o", "early.surf.gii")
-    run("mesh", "early.surf.gii", "--ga", 22, "--cell-size", 0.8, "-o", "early.vtu")
-    run("fold", "early.vtu", "--ga", 22, "--hemi", "L", "--end", 40, "-o", "folded")
-    save(PIL.Image.open("folded/folded.png"), "folded_phantom.png", width=1440)
 
 
 def common() -> None:
@@ -254,7 +246,7 @@ def beside(images: list[PIL.Image.Image]) -> PIL.Image.Image:
 
 
 if __name__ == "__main__":
-    figures = {made.__name__: made for made in (hero, one_surface, head, folded, common, cohort)}
+    figures = {made.__name__: made for made in (hero, one_surface, head, common, cohort)}
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         for name in sys.argv[1:] or figures:
