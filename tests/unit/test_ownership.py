@@ -19,6 +19,7 @@ from cortet.formats.ownership import (
     guarded,
     has_read,
     is_ours,
+    may_write,
     record_of,
 )
 
@@ -262,3 +263,22 @@ def test_temporary_files_of_ended_processes_are_deleted_and_nothing_else(tmp_pat
     assert not any((tmp_path / name).exists() for name in left)
     assert link.is_symlink() and all((tmp_path / name).exists() for name in kept)
     delete_abandoned(tmp_path / "nowhere", "fold.tsv")
+
+
+def test_a_folder_of_the_command_is_known_by_any_name(tmp_path: Path) -> None:
+    (tmp_path / "study").mkdir()
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/x.json").write_text("old")
+    with guarded([], folders=[tmp_path / "out"]):
+        may_write(tmp_path / "study/../out/x.json")
+
+
+def test_temporary_folders_of_a_killed_command_go_with_the_next_file_of_that_name(tmp_path: Path) -> None:
+    killed = subprocess.Popen(["true"])
+    killed.wait()
+    left = tmp_path / f".{killed.pid}-0123abcd.x.json"
+    left.mkdir()
+    (left / "x.vtu").touch()
+    with atomic_folder(tmp_path / "x.json") as folder:
+        (folder / "x.json").touch()
+    assert [path.name for path in tmp_path.iterdir()] == ["x.json"]
