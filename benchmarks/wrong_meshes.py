@@ -302,7 +302,7 @@ def verified(wrong: Wrong, folder: Path) -> list[str]:
 def converted(wrong: Wrong, folder: Path) -> list[str]:
     """Why `cortet convert` writes no file."""
     vtu.write(wrong.mesh, folder / "m.vtu")
-    convert(folder / "m.vtu", folder / "m.inp")
+    convert(folder / "m.vtu", folder / "m.inp", source_unit="mm")
     return []
 
 

@@ -44,5 +44,5 @@ def test_the_page_has_every_script_and_every_picture() -> None:
     assert set(re.findall(r"examples/(\w+)\.py", PAGE)) == {path.stem for path in SCRIPTS}
     shown = set(re.findall(r"gallery/(\w+\.png)", PAGE))
     assert shown == {path.name for path in (ROOT / "docs/gallery").glob("*.png")}
-    drawn = {name for path in SCRIPTS for name in re.findall(r'imsave\("(\w+\.png)"', path.read_text())}
+    drawn = {name for path in SCRIPTS for name in re.findall(r'"(\w+\.png)"', path.read_text())}
     assert shown == drawn

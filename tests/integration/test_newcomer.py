@@ -1,9 +1,10 @@
-"""A stage and a mesher are one new file each: a copy of the package with both runs them through the workflow."""
+"""A stage is one new file and its rule, a mesher one new file: a copy of the package runs both through the workflow."""
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -94,13 +95,17 @@ MESHERS = (Mesher(name="plain", order=90, printed="Plain", fill=fill),)
 '''
 
 
-def test_a_stage_and_a_mesher_are_one_file_each(tmp_path: Path) -> None:
+def test_a_stage_is_a_file_and_a_rule_and_a_mesher_is_a_file(tmp_path: Path) -> None:
     project, study = tmp_path / "project", tmp_path / "study"
     for name in ("cortet", "rules", "scripts", "envs", "profiles"):
         shutil.copytree(ROOT / name, project / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "Snakefile", project)
     (project / "cortet/stages/mark.py").write_text(STAGE)
     (project / "cortet/meshers/plain.py").write_text(MESHER)
+    rules = (project / "rules/mesh.smk").read_text()
+    relocate = re.search(r"^rule relocate:.*?relocate.*?mesh_stage.py\"\n", rules, re.DOTALL | re.MULTILINE)
+    assert relocate
+    (project / "rules/mesh.smk").write_text(f"{rules}\n\n{relocate[0].replace('relocate', 'mark')}")
     study.mkdir()
     write_sheet([Case("a", None, "L", 26.0, PHANTOM)], study / "cohort.tsv")
     config = {

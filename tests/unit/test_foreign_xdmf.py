@@ -53,7 +53,7 @@ def test_commands_and_calls_take_it(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "tetrahedra        48" in capsys.readouterr().out
     surface = boundary_surface(CUBE)[0]
     assert len(cortet.read(path, surface).mesh.cells) == 48
-    assert main(["convert", str(path), str(tmp_path / "x.vtu")]) == 0
+    assert main(["convert", str(path), str(tmp_path / "x.vtu"), "--source-unit", "mm"]) == 0
     converted = vtu.read(tmp_path / "x.vtu")  # in another order of its nodes
     assert np.array_equal(np.sort(converted.point_data["depth"]), FIELDS["depth"])
 

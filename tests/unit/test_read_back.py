@@ -388,11 +388,9 @@ def test_a_file_of_an_earlier_cortet_is_numbered_as_today(
 
 def test_a_companion_that_was_edited_is_said(tmp_path: Path) -> None:
     export(model(), path := tmp_path / "m.pts", solver="carp", certificate=CERTIFIED)
-    assert not any("was changed" in line for line in convert(path, tmp_path / "before.vtu", source_unit="mm"))
+    assert not any("was changed" in line for line in convert(path, tmp_path / "before.vtu"))
     (tmp_path / "m.regions.tsv").write_text("tag\tname\n1\twhite\n2\tcortex\n")
-    assert convert(path, tmp_path / "after.vtu", source_unit="mm")[0].startswith(
-        "m.pts was changed after cortet wrote it"
-    )
+    assert convert(path, tmp_path / "after.vtu")[0].startswith("m.pts was changed after cortet wrote it")
 
 
 @pytest.mark.parametrize("name", [*FORMATS])
@@ -489,7 +487,7 @@ def test_an_export_that_lost_a_companion_or_was_edited_under_another_name_is_sai
         edited = FORMATS["vtk"].read(path)
         FORMATS["vtk"].write(replace(edited, points=edited.points + 1), path)
     assert changed_since(path) == said
-    told = convert(path, tmp_path / "o.vtu", source_unit="mm")
+    told = convert(path, tmp_path / "o.vtu")
     assert told[:1] == [f"{path.name} was {CHANGED}"] if said else not any(CHANGED in line for line in told)
 
 
