@@ -78,7 +78,7 @@ SNAKEMAKE = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snake
 
 #: jobs of a mesh by mesher, one of each rule
 RULES = (
-    *("repair", "gate", "smooth_surface", "generate", "transfer", "clean", "reconnect", "solver_ready"),
+    *("gate", "smooth_surface", "generate", "transfer", "clean", "reconnect", "solver_ready"),
     *("certify", "export", "case_page"),
 )
 JOBS = {"cgal": (*RULES, "relocate"), "lattice": RULES}

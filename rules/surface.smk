@@ -119,43 +119,13 @@ use rule resample as resample_inner with:
         took("resample_inner", INNER)
 
 
-rule repair:
-    """Repair a broken surface within limits; one without a flaw stays as it is."""
-    input:
-        surface=PLAN.first_surface,
-    output:
-        **surface_of("repaired"),
-    log:
-        LAYOUT.log("repair", SURFACE),
-    benchmark:
-        took("repair", SURFACE)
-    resources:
-        **asked("repair"),
-    params:
-        **stage_params("repair"),
-        to_mm=PLAN.placement_after_resampling,
-        hemi=PLAN.hemisphere,
-    script:
-        "../scripts/repair.py"
-
-
-use rule repair as repair_inner with:
-    input:
-        surface=PLAN.first_surface,
-    output:
-        **surface_of("repaired", inner=True),
-    log:
-        LAYOUT.log("repair_inner", INNER),
-    benchmark:
-        took("repair_inner", INNER)
-
-
 rule gate:
-    """Let a surface in that can be meshed, mended where it must be; refuse any other."""
+    """Repair a surface where there is one right answer, and let it in if it can be meshed; refuse any other."""
     input:
-        surface=LAYOUT.surface("repaired") if CONFIG.enabled("repair") else PLAN.first_surface,
+        surface=PLAN.first_surface,
     output:
         **surface_of("gated"),
+        repair=LAYOUT.surface("repaired", "white.json") if CONFIG.enabled("repair") else [],
     log:
         LAYOUT.log("gate", SURFACE),
     benchmark:
@@ -164,7 +134,9 @@ rule gate:
         **asked("gate"),
     params:
         **stage_params("gate"),
-        to_mm=None if CONFIG.enabled("repair") else PLAN.placement_after_resampling,
+        repair=partial(PLAN.arguments, "repair") if CONFIG.enabled("repair") else None,
+        version_of_repair=version_of("stages.repair"),
+        to_mm=PLAN.placement_after_resampling,
         hemi=PLAN.hemisphere,
     script:
         "../scripts/gate.py"
@@ -172,9 +144,10 @@ rule gate:
 
 use rule gate as gate_inner with:
     input:
-        surface=LAYOUT.surface("repaired", inner=True) if CONFIG.enabled("repair") else PLAN.first_surface,
+        surface=PLAN.first_surface,
     output:
         **surface_of("gated", inner=True),
+        repair=LAYOUT.surface("repaired", "white.json", inner=True) if CONFIG.enabled("repair") else [],
     log:
         LAYOUT.log("gate_inner", INNER),
     benchmark:

@@ -24,6 +24,7 @@ START_MINUTES = 5
 
 #: rule -> its cost; rules on surfaces do not depend on tetrahedra. Stages, meshers and neighbours declare their own
 COSTS = {stage.name: stage.cost for stage in STAGES.values()} | {
+    "gate": Cost((700, 0), (22, 0)),  # with the repair
     "phantom": Cost((400, 0), (4, 0)),
     "phantom_sphere": Cost((400, 0), (4, 0)),
     "fields": Cost((700, 0), (15, 0)),

@@ -34,7 +34,7 @@ def test_a_fault_of_one_row_fails_its_case_alone(tmp_path: Path) -> None:
     study.config["resample"] = {"subdivisions": 3}
     ran = study.jobs_of_run("--keep-going", STATUS, succeeds=False)
     assert ("export", "sub-good") in ran
-    assert {rule for rule, case in ran if case in ("sub-other", "sub-image")} <= {"repair", "case_page"}
+    assert {rule for rule, case in ran if case in ("sub-other", "sub-image")} <= {"gate", "case_page"}
     status = study.status()
     assert status["sub-good_hemi-L"]["state"] == "certified"
     reason = status["sub-other_hemi-L"]["reason"]
@@ -42,7 +42,7 @@ def test_a_fault_of_one_row_fails_its_case_alone(tmp_path: Path) -> None:
     assert "mend the column hemi" in reason
     assert "gone.nii.gz: cannot be read as an image" in status["sub-image_hemi-L"]["reason"]
     for name, stage, words in (
-        ("inner", "repair_inner", ["none.surf.gii: no such file"]),
+        ("inner", "gate_inner", ["none.surf.gii: no such file"]),
         ("sphere", "resample", ["sphere.surf.gii: no such file", "column sphere of the cohort sheet"]),
         ("field", "fields", ["gone.shape.gii"]),
     ):

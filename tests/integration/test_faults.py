@@ -72,8 +72,8 @@ def test_a_twin_whose_jobs_were_killed_has_the_same_bits_after_the_other_stages_
         study.add_case(replace(study.case(twin), inner={"white": inner}, sphere=sphere), egg)
         write_surface(replace(egg, points=0.7 * egg.points), inner)
         write_surface(replace(egg, points=egg.points / np.linalg.norm(egg.points, axis=1)[:, None]), sphere)
-    rules = {stage.name for stage in load(study.config).line(nested=True, registered=True)} - set(JOBS)
-    rules |= {"resample_inner", "repair_inner", "gate_inner", "smooth_surface_inner"}
+    rules = {stage.name for stage in load(study.config).line(nested=True, registered=True)} - {*JOBS, "repair"}
+    rules |= {"resample_inner", "gate_inner", "smooth_surface_inner"}
     plan = [*((rule, "sub-a") for rule in rules), ("fold", "")]
     folded = "derivatives/cortet/sub-{0}/simulation/sub-{0}_hemi-L_res-4000um_desc-latticeFolded/fold.tsv"
     targets = ["meshes", *map(folded.format, "ab")]
@@ -95,10 +95,10 @@ def test_a_twin_whose_jobs_were_killed_has_the_same_bits_after_the_other_stages_
 def test_a_job_that_failed_is_run_again_in_a_debugger(study: Study) -> None:
     (study.folder / "surfaces/a.surf.gii").write_text("no surface")
     assert study.run("--skip-script-cleanup", STATUS).returncode != 0
-    (script,) = (study.folder / ".snakemake/scripts").glob("*.repair.py")
+    (script,) = (study.folder / ".snakemake/scripts").glob("*.gate.py")
     debugger = [sys.executable, "-m", "pdb", "-c", "continue", str(script)]
     done = subprocess.run(debugger, cwd=study.folder, input="where\nq\n", check=False, capture_output=True, text=True)
-    assert "a.surf.gii: truncated" in done.stdout + done.stderr and "repair.py" in done.stdout
+    assert "a.surf.gii: truncated" in done.stdout + done.stderr and "gate.py" in done.stdout
 
 
 def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study: Study, tmp_path: Path) -> None:
@@ -203,13 +203,13 @@ def test_a_case_that_hangs_and_a_surface_that_was_cut_off_fail_and_the_others_st
     cut = study.folder / "surfaces/b.surf.gii"
     cut.write_bytes(cut.read_bytes()[:3000])
     study.config["time_limit"] = 0.2
-    result = study.run(STATUS, env=sabotaged(study, hang=[("repair", "sub-hangs")]))
+    result = study.run(STATUS, env=sabotaged(study, hang=[("gate", "sub-hangs")]))
     assert result.returncode != 0
     status = {case.removeprefix("sub-").removesuffix("_hemi-L"): row for case, row in study.status().items()}
     assert {name: (row["stage"], row["state"]) for name, row in status.items()} == {
         "a": ("certify", "certified"),
-        "b": ("repair", "failed"),
-        "hangs": ("repair", "failed"),
+        "b": ("gate", "failed"),
+        "hangs": ("gate", "failed"),
     }
     assert "truncated" in status["b"]["reason"] and "b.surf.gii" in status["b"]["reason"]
     assert "took longer than 0:00:12" in status["hangs"]["reason"]

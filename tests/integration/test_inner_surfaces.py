@@ -25,7 +25,7 @@ def test_cases_with_and_without_inner_surfaces(study: Study) -> None:
     study.write_cases([without, replace(case, inner={"white": inner})])
     write_surface(shrunk(surface(1), 0.7), inner)
     first = study.jobs_of_run(STATUS)
-    of_inner = {"repair_inner", "gate_inner", "smooth_surface_inner", "separate"}
+    of_inner = {"gate_inner", "smooth_surface_inner", "separate"}
     assert {case for rule, case in first if rule in of_inner} == {"sub-b"} and {r for r, _ in first} >= of_inner
     assert {rule for rule, case in first if case == "sub-a"} == {"certify", "export"}, "it had been meshed before"
 

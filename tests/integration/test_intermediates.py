@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from tests.integration.study import Study, scaled
-from tests.integration.test_reruns import COHORT, FROM_REPAIR, jobs
+from tests.integration.test_reruns import COHORT, FROM_GATE, jobs
 
-FROM_GENERATE = FROM_REPAIR - {"repair", "gate", "smooth_surface"}
+FROM_GENERATE = FROM_GATE - {"gate", "smooth_surface"}
 
 
 def test_without_intermediates_only_what_changed_runs_again(study: Study) -> None:
@@ -23,7 +23,7 @@ def test_without_intermediates_only_what_changed_runs_again(study: Study) -> Non
     first, second = study.files("*_sets.vtu")
     before = first.read_bytes(), second.read_bytes()
     scaled(study.folder / "surfaces/a.surf.gii", 1.05)
-    assert study.jobs_of_run() == jobs(FROM_REPAIR, "a") | COHORT
+    assert study.jobs_of_run() == jobs(FROM_GATE, "a") | COHORT
     assert first.read_bytes() != before[0] and second.read_bytes() == before[1]
     assert len(study.files("*_tetmesh.vtu")) == 2
     assert study.planned_jobs() == set()

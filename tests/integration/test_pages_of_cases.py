@@ -53,7 +53,7 @@ def test_a_failed_case_has_a_page_until_it_is_mended(study: Study) -> None:
     study.add_case(study.case("double"), twice(good))
     study.jobs_of_run(succeeds=False)
     text = page_of(study, "double").read_text()
-    assert "What went wrong" in text and "<code>repair</code>" in text and "2 separate pieces" in text
+    assert "What went wrong" in text and "<code>gate</code>" in text and "2 separate pieces" in text
     assert "Input surface from the left" in text
     assert linked(study)["sub-double_hemi-L"] == page_of(study, "double").resolve()
     study.write_cases([case for case in study.cases() if case.participant != "double"])

@@ -32,7 +32,7 @@ COHORT = {
     ("citation", "-"),
 }
 FROM_CLEAN = {"clean", "reconnect", "solver_ready", "certify", "case_page", "export"}
-FROM_REPAIR = {"repair", "gate", "smooth_surface", "generate", "transfer"} | FROM_CLEAN
+FROM_GATE = {"gate", "smooth_surface", "generate", "transfer"} | FROM_CLEAN
 
 
 def jobs(rules: set[str], *participants: str) -> set[tuple[str, str]]:
@@ -77,21 +77,21 @@ def test_a_certificate_that_was_deleted_is_made_again(study: Study) -> None:
 
 def test_an_edited_surface_reruns_its_case_and_the_tables(study: Study) -> None:
     scaled(study.folder / "surfaces/a.surf.gii", 1.05)
-    assert study.planned_jobs() == jobs(FROM_REPAIR, "a") | COHORT
+    assert study.planned_jobs() == jobs(FROM_GATE, "a") | COHORT
 
 
 def test_a_new_row_runs_one_case_and_the_tables(study: Study) -> None:
     study.add_case(study.case("c"), surface(2))
-    assert study.planned_jobs() == jobs(FROM_REPAIR, "c") | COHORT
+    assert study.planned_jobs() == jobs(FROM_GATE, "c") | COHORT
 
 
 def test_a_surface_replaced_by_an_older_file_reruns_its_case(study: Study) -> None:
     path = study.folder / "surfaces/a.surf.gii"
     scaled(path, 1.05)
     os.utime(path, (1e9, 1e9))  # as `cp -p`, `mv` and `rsync -a` leave it
-    assert study.planned_jobs() == jobs(FROM_REPAIR, "a") | COHORT
+    assert study.planned_jobs() == jobs(FROM_GATE, "a") | COHORT
     (certificate,) = study.files("sub-a*certificate.json")
-    assert ("repair", "sub-a") in study.jobs_of_run(str(certificate.relative_to(study.folder)))
+    assert ("gate", "sub-a") in study.jobs_of_run(str(certificate.relative_to(study.folder)))
     assert json.loads(certificate.read_text())["input"]["sha256"] == sha256(path)
 
 
@@ -100,7 +100,7 @@ def test_two_surfaces_that_change_places_rerun_both(study: Study) -> None:
     first.rename(aside := first.with_name("aside"))
     second.rename(first)
     aside.rename(second)
-    assert study.planned_jobs() == jobs(FROM_REPAIR, "a", "b") | COHORT
+    assert study.planned_jobs() == jobs(FROM_GATE, "a", "b") | COHORT
 
 
 def test_a_moved_study_reruns_nothing(study: Study) -> None:
@@ -205,8 +205,8 @@ def test_bad_cases_do_not_stop_the_others_and_nothing_of_an_earlier_run_passes_f
     (study.folder / "surfaces/missing.surf.gii").unlink()
     study.add_case(study.case("good"), surface(6))
 
-    bad = jobs({"repair"}, "b", "double", "truncated", "missing")
-    assert study.jobs_of_run(succeeds=False) == bad | jobs(FROM_REPAIR, "good")
+    bad = jobs({"gate"}, "b", "double", "truncated", "missing")
+    assert study.jobs_of_run(succeeds=False) == bad | jobs(FROM_GATE, "good")
     status = {case.removeprefix("sub-").removesuffix("_hemi-L"): row for case, row in study.status().items()}
     assert {name: row["state"] for name, row in status.items()} == {
         "a": "certified",
@@ -216,12 +216,12 @@ def test_bad_cases_do_not_stop_the_others_and_nothing_of_an_earlier_run_passes_f
         "truncated": "failed",
         "missing": "failed",
     }
-    assert {status[name]["stage"] for name in ("double", "truncated", "missing")} == {"repair"}
+    assert {status[name]["stage"] for name in ("double", "truncated", "missing")} == {"gate"}
     assert "2 separate pieces" in status["double"]["reason"]
     assert "surfaces/missing.surf.gii" in status["missing"]["reason"]
     assert (study.folder / status["double"]["log"]).exists()
     failure = json.loads((study.folder / status["double"]["log"]).with_suffix(".failure.json").read_text())
-    assert failure["stage"] == "repair" and "2 separate pieces" in failure["what"] and failure["remedy"]
+    assert failure["stage"] == "gate" and "2 separate pieces" in failure["what"] and failure["remedy"]
     assert list(study.outputs.glob("sub-b/outdated/1/mesh/*certificate.json")), "what was made before is kept"
     (page,) = study.files("sub-b/mesh/*report.html")
     assert "2 separate pieces" in page.read_text()
@@ -231,7 +231,7 @@ def test_bad_cases_do_not_stop_the_others_and_nothing_of_an_earlier_run_passes_f
     write_surface(surface(1), became_bad)
     cases = [case for case in study.cases() if case.participant not in ("truncated", "missing")]
     study.write_cases(cases)
-    assert study.planned_jobs() == jobs(FROM_REPAIR, "b", "double") | COHORT
+    assert study.planned_jobs() == jobs(FROM_GATE, "b", "double") | COHORT
 
 
 def test_an_uncertified_mesh_is_measured_but_not_exported(study: Study) -> None:

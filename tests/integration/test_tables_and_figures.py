@@ -133,6 +133,6 @@ def test_a_bad_case_is_told_in_the_table_and_stops_nothing(study: Study) -> None
     study.jobs_of_run("tables", succeeds=False)
     row = ablation(study)["cgal", "published", "S1-S4"]
     assert (row["meshes"], row["failed"]) == ("2", "1")
-    assert "sub-double_hemi-L: repair:" in row["remarks"]
+    assert "sub-double_hemi-L: gate:" in row["remarks"]
     archived = study.run("--report", REPORT, "--", "cohort", "tables")
     assert archived.returncode == 0, archived.stdout + archived.stderr
