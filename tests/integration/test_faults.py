@@ -23,7 +23,7 @@ from cortet.formats.gifti import write_surface
 from tests.integration.study import STATUS, Study, is_result, surface
 
 SABOTAGE = Path(__file__).parent / "sabotage"
-STAGES = [stage.name for stage in Config().line()]
+STAGES = [stage.name for stage in Config().line() if stage.name != "repair"]  # part of the job `gate`
 JOBS = (*STAGES, "certify", "export")
 
 

@@ -78,7 +78,7 @@ def test_a_mesh_that_was_measured_fits_into_what_is_asked_for() -> None:
 def test_the_lattice_has_a_cost_of_its_own_in_s1_only() -> None:
     assert cost("generate", "lattice") is MESHERS["lattice"].cost
     assert cost("clean", "lattice") is cost("clean", "cgal") is COSTS["clean"]
-    assert cost("repair_inner") is COSTS["repair"]
+    assert cost("gate_inner") is COSTS["gate"]
     assert Cost((100, 10), (1, 5)).memory_mb(2e6) == 120
 
 
