@@ -17,6 +17,7 @@ from snakemake.logging import logger
 from cortet import __version__
 from cortet.cohort.app import require_plain_python
 from cortet.cohort.bids import Places, descriptions, require_own_output
+from cortet.cohort.failures import made_otherwise
 from cortet.cohort.layout import EXPORTED, LABELS, SHARED, WILDCARDS, beside, file_of
 from cortet.cohort.lock import is_held_by_parent, require_free
 from cortet.cohort.plan import existing
@@ -58,6 +59,12 @@ if DEFAULTS:
     )
 for notice in [*CONFIG.notices(), *PLAN.notices(), *(PLAN.edited_exports() if workflow.is_main_process else [])]:
     logger.warning(notice)
+
+if workflow.is_main_process and (others := made_otherwise(PLAN)):
+    logger.warning(
+        f"{sum(others.values())} meshes were made with other settings, or of other surfaces, than the present ones; "
+        f"if this run does not make them again, `snakemake --forcerun {' '.join(others)}` does"
+    )
 
 LAYOUT = PLAN.layout
 OUT = LAYOUT.output

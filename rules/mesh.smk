@@ -51,6 +51,7 @@ rule transfer:
         **asked("transfer"),
     params:
         **stage_params("transfer"),
+        names_of_fields=PLAN.names_of_fields,
     script:
         "../scripts/transfer.py"
 
@@ -176,5 +177,6 @@ rule solver_ready:
         **asked("solver_ready"),
     params:
         **stage_params("solver_ready"),
+        names_of_fields=PLAN.names_of_fields,
     script:
         "../scripts/mesh_stage.py"

@@ -25,6 +25,7 @@ rule certify:
         version=version_of("measure.certify"),
         input_sha256=PLAN.input_sha256,
         line=derived(PLAN.recorded_line),
+        settings=PLAN.recorded_settings,
         to_mm=PLAN.placement,
         inner=lambda wildcards: list(CASES[wildcards.case].inner),
     script:
@@ -55,6 +56,7 @@ rule case_page:
         to_mm=PLAN.placement,
         cohort=derived(lambda wildcards: beside(LAYOUT.cohort_page, LAYOUT.case_page.format(**wildcards))),
         exported=PLAN.exported,
+        names_of_volumes=PLAN.names_of_volumes,
         version=[version_of("report.pages"), version_of("report.render")],
     script:
         "../scripts/case_page.py"
@@ -79,6 +81,7 @@ rule case_maps:
         **asked("case_maps"),
     params:
         version=version_of("report.cohort_maps"),
+        names_of_fields=PLAN.names_of_fields,
     script:
         "../scripts/case_maps.py"
 
@@ -105,7 +108,7 @@ rule volumes:
     params:
         version=versions("solver_files.volumes", "report.slices"),
         volumes=derived(lambda wildcards: dict(CASES[wildcards.case].volumes)),
-        names=lambda wildcards: list(CASES[wildcards.case].volumes),
+        names_of_volumes=PLAN.names_of_volumes,
         paths=derived(PLAN.volume_paths),
         input_sha256=lambda wildcards: content(PLAN.volume_paths(wildcards)),
         shares=CONFIG.export.label_shares,
@@ -139,6 +142,7 @@ rule export:
         given=derived(PLAN.given_surfaces),
         age=lambda wildcards: CASES[wildcards.case].scan_age,
         volumes=derived(lambda wildcards: dict(CASES[wildcards.case].volumes)),
+        names_of_volumes=PLAN.names_of_volumes,
         input_sha256=lambda wildcards: content(PLAN.field_paths(wildcards)),
         paths=derived(PLAN.field_paths),
         units=CONFIG.export.field_units,
@@ -171,6 +175,7 @@ if CONFIG.export.ten_nodes:
             max_boundary_distance=lambda wildcards: PLAN.arguments("certify", wildcards)["max_boundary_distance"],
             sets=PLAN.sets,
             volumes=derived(lambda wildcards: dict(CASES[wildcards.case].volumes)),
+            names_of_volumes=PLAN.names_of_volumes,
             input_sha256=lambda wildcards: content(PLAN.field_paths(wildcards)),
             paths=derived(PLAN.field_paths),
             units=CONFIG.export.field_units,

@@ -7,6 +7,7 @@ certificate records the present settings and the present files of the user.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -43,6 +44,8 @@ class Failure:
     wildcards: Mapping[str, str]
     reason: str
     log: Path
+    #: when it failed or began, seconds since the epoch
+    time: float = 0.0
     #: the reason without what to do about it, or the line of code where a job was stopped; and what to do
     problem: str = ""
     remedy: str = ""
@@ -65,7 +68,7 @@ def failures(output: Path, *, ended: bool = True) -> list[Failure]:
         if told.get("stage") in ORDER and (ended or "what" in told):
             story = _story(told, log)
             if story["reason"] != STOPPED:
-                found.append(Failure(told["stage"], told["wildcards"], log=log, **story))
+                found.append(Failure(told["stage"], told["wildcards"], log=log, time=path.stat().st_mtime, **story))
     return sorted(found, key=lambda failure: ORDER.index(failure.rule))
 
 
@@ -102,7 +105,7 @@ def _state(plan: Plan, mesh: Mesh, of_case: Sequence[Failure]) -> dict[str, Any]
     reason = "the run ended before"
     if stage := first_other_stage(plan, mesh):
         if Path(plan.layout.certificate.format(**job)).exists():
-            reason = f"{_OTHER}; `snakemake --forcerun {stage}` makes it again"
+            reason = f"{_OTHER}; `snakemake --forcerun {_rule_of(stage)}` makes it again"
     elif any(not Path(pattern.format(**job)).exists() for pattern in files):
         stage = "export"
     else:
@@ -110,9 +113,28 @@ def _state(plan: Plan, mesh: Mesh, of_case: Sequence[Failure]) -> dict[str, Any]
     return {"stage": stage, "state": "unfinished", "reason": reason}
 
 
+def made_otherwise(plan: Plan) -> dict[str, int]:
+    """Rule from which on meshes were made otherwise than planned -> their number."""
+    return dict(
+        Counter(
+            _rule_of(stage)
+            for mesh, certificate in plan.each_case(plan.layout.certificate).items()
+            if Path(certificate).exists() and (stage := first_other_stage(plan, mesh))
+        )
+    )
+
+
+def _rule_of(stage: str) -> str:
+    """The rule of a stage: the job `gate` repairs, too."""
+    return "gate" if stage == "repair" else stage
+
+
 def _counts(plan: Plan, job: Mapping[str, str], failure: Failure) -> bool:
     """Whether a job that failed is one that the plan still asks for."""
     case, wildcards, rule = plan.case(job), failure.wildcards, failure.rule
+    certificate = Path(plan.layout.certificate.format(**job))
+    if rule not in AFTER_CERTIFICATE and certificate.exists() and failure.time < certificate.stat().st_mtime:
+        return False  # the mesh has been made since
     stage = STAGES.get(rule.removesuffix("_inner"))
     asked = {
         "volumes": bool(case.volumes),

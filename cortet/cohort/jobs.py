@@ -184,6 +184,18 @@ class Jobs:
         steps = [*(stage.name for stage in self.line(job)), "certify"]
         return {step: self._config_of(step, job).record(step, self._facts_of(step, job)) for step in steps}
 
+    def recorded_settings(self, job: Job) -> dict[str, Any]:
+        """As `recorded_line`, without names of files: if it changes, a certificate is made again."""
+        return {step: without_locations(arguments) for step, arguments in self.recorded_line(job).items()}
+
+    def names_of_fields(self, job: Job) -> list[str]:
+        """Names of the fields of a case."""
+        return list(self.case(job).fields)
+
+    def names_of_volumes(self, job: Job) -> list[str]:
+        """Names of the volumes of a case."""
+        return list(self.case(job).volumes)
+
     def _facts_of(self, step: str, job: Job) -> dict[str, Any]:
         """As `facts`, with a word for an unknown hemisphere, which decides where `resample` goes."""
         facts = self.facts(job)

@@ -11,7 +11,8 @@ import json
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from cortet.cohort.jobs import Mesh, without_locations
+from cortet.cohort.jobs import Job, Mesh, without_locations
+from cortet.cohort.layout import EXPORTED
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import Case
 from cortet.formats.ownership import files_of, json_of
@@ -39,20 +40,20 @@ def set_aside(plan: Plan, *, dropped: bool = False) -> list[str]:
     What moved, in sentences.
     """
     told = []
+
+    def move(case: Case, why: str, entries: Iterable[Path]) -> None:
+        if moved := _move(Path(plan.layout.output) / case.folder, entries):
+            told.append(f"{case.name}: {why}, and its earlier results were moved to {moved}")
+
+    for case in plan.cases.values():
+        move(case, "its surface has changed", _of_other_surfaces(plan, case))
     for mesh in plan.each_case(plan.layout.certificate):
-        failure, job = plan.failures.get(mesh, {}), plan.job(mesh)
-        folder = Path(plan.layout.output) / plan.cases[mesh[0]].folder
-        why, entries = "", iter(list[Path]())
-        if _has_changed(plan, mesh):
-            why, entries = "its surface has changed", _results(plan, mesh, plan.settings)
-        elif failure.get("state") == "failed" and None not in plan.input_sha256(job).values():
-            why = f"{failure['stage']} failed"
-            if not plan.is_measured(mesh):
-                entries = _results(plan, mesh, [""])
-            elif failure["stage"] == "volumes":
-                entries = _exported(plan, mesh)
-        if moved := _move(folder, entries):
-            told.append(f"{mesh[0]}: {why}, and its earlier results were moved to {moved}")
+        case, failure, job = plan.cases[mesh[0]], plan.failures.get(mesh, {}), plan.job(mesh)
+        if failure.get("state") == "failed" and None not in plan.input_sha256(job).values():
+            entries = _results(plan, mesh) if not plan.is_measured(mesh) else []
+            entries = _exported(plan, mesh) if failure["stage"] == "volumes" else entries
+            move(case, f"{failure['stage']} failed", entries)
+        move(case, "it has another mesh now", _of_an_earlier_mesh(plan, mesh))
     excluded = {case.name for case in plan.sheet if not case.include}
     for name, folder in _without_row(plan):
         if dropped or name in excluded:
@@ -74,49 +75,76 @@ def first_other_stage(plan: Plan, mesh: Mesh) -> str | None:
     Its certificate records the parameters and versions of all stages; names of files do not count.
     """
     job = plan.job(mesh)
-    wanted = json.loads(json.dumps(plan.recorded_line(job), default=str))
-    made = json_of(Path(plan.layout.certificate.format(**job))).get("parameters")
+    wanted = json.loads(json.dumps(plan.recorded_settings(job), default=str))
+    certificate = Path(plan.layout.certificate.format(**job))
+    made = json_of(certificate).get("parameters")
     if made is None:
         reports = plan.reports(job)
         return next((stage for stage in wanted if stage in reports and not Path(reports[stage]).exists()), "certify")
-    if _has_changed(plan, mesh):
+    if _has_changed(plan, job, certificate):
         return next(iter(wanted))
-    return next(
-        (stage for stage in wanted if without_locations(wanted[stage]) != without_locations(made.get(stage, {}))), None
-    )
+    return next((stage for stage in wanted if wanted[stage] != without_locations(made.get(stage, {}))), None)
 
 
-def _has_changed(plan: Plan, mesh: Mesh) -> bool:
+def _has_changed(plan: Plan, job: Job, certificate: Path) -> bool:
     """Whether a mesh was made from other files of the user than the present ones, as far as those can be read."""
-    job = plan.job(mesh)
-    made_from = json_of(Path(plan.layout.mesh("Solver", "tetmesh.json").format(**job))).get("input_sha256")
+    record = json_of(certificate.with_name(certificate.name.replace(_CERTIFICATE, "Solver_tetmesh.json")))
+    made_from, present = record.get("input_sha256"), plan.input_sha256(job)
     if not isinstance(made_from, dict):
         return False
-    present = plan.input_sha256(job)
     return made_from.keys() != present.keys() or any(
         now is not None and made_from[name] != now for name, now in present.items()
     )
 
 
-def _results(plan: Plan, mesh: Mesh, settings: Iterable[str]) -> Iterator[Path]:
-    """The mesh at the end of the line in the settings that have a certificate, and what was made of it."""
-    case, res, mesher = mesh
-    folder = Path(plan.layout.output) / plan.cases[case].folder
-    labels = ["Solver", *(neighbour.label for neighbour in neighbours() if neighbour.label)]
-    for setting in settings:
-        name = f"{case}_res-{res}um_desc-{mesher}{setting}"
-        if (folder / f"mesh/{name}{_CERTIFICATE}").exists():
-            for label in labels:
-                yield from folder.glob(f"*/{name}{label}*")
+def _of_other_surfaces(plan: Plan, case: Case) -> Iterator[Path]:
+    """The results of a case, of any cell size, mesher and setting, that were made from other files of the user."""
+    folder = Path(plan.layout.output) / case.folder
+    job = {"folder": case.folder, "case": case.name, "res": ""}
+    for certificate in folder.glob(f"mesh/{case.name}_res-*{_CERTIFICATE}"):
+        if _has_changed(plan, job, certificate):
+            yield from _made_with(folder, certificate)
 
 
-def _exported(plan: Plan, mesh: Mesh) -> Iterator[Path]:
-    """The files of a mesh for solvers, and those that belong to them."""
+def _made_with(folder: Path, certificate: Path) -> Iterator[Path]:
+    """The mesh of a certificate, and what was made of it: exports, page, folds."""
+    stem = certificate.name.removesuffix(_CERTIFICATE)
+    for label in ("Solver", *(neighbour.label for neighbour in neighbours() if neighbour.label)):
+        yield from folder.glob(f"*/{stem}{label}*")
+
+
+def _results(plan: Plan, mesh: Mesh) -> Iterator[Path]:
+    """The results of a mesh of the line that has a certificate."""
+    certificate = Path(plan.layout.certificate.format(**plan.job(mesh)))
+    return _made_with(certificate.parents[1], certificate) if certificate.exists() else iter(())
+
+
+def _exported(plan: Plan, mesh: Mesh) -> list[Path]:
+    """The files of a mesh for solvers that are asked for, and those that belong to them."""
     patterns = plan.layout.solver_files(plan.config.export.formats, plan.config.export.ten_nodes)
-    for path in (Path(pattern.format(**plan.job(mesh))) for pattern in patterns):
-        record = path.with_name(f"{path.name}.json")
-        names = {path.name, record.name, *files_of(record)}
-        yield from (path.parent / name for name in sorted(names) if (path.parent / name).is_file())
+    files = [Path(pattern.format(**plan.job(mesh))) for pattern in patterns]
+    return [path for file in files for path in _with_companions(file)]
+
+
+def _of_an_earlier_mesh(plan: Plan, mesh: Mesh) -> list[Path]:
+    """Files for solvers that are no longer asked for, older than the certificate."""
+    certificate = Path(plan.layout.certificate.format(**plan.job(mesh)))
+    asked = plan.config.export.formats
+    patterns = [plan.layout.mesh("Solver", suffix) for suffix, name in EXPORTED.items() if name not in asked]
+    files = [Path(pattern.format(**plan.job(mesh))) for pattern in patterns]
+    return [
+        path
+        for file in files
+        if file.exists() and certificate.exists() and file.stat().st_mtime < certificate.stat().st_mtime
+        for path in _with_companions(file)
+    ]
+
+
+def _with_companions(file: Path) -> list[Path]:
+    """A file for a solver, its sidecar, and the files that this lists; those that are there."""
+    record = file.with_name(f"{file.name}.json")
+    names = sorted({file.name, record.name, *files_of(record)})
+    return [file.parent / name for name in names if (file.parent / name).is_file()]
 
 
 def _without_row(plan: Plan) -> list[tuple[str, Path]]:

@@ -177,6 +177,8 @@ def report(output: Path, *, after: Literal["success", "failure"] | None = None) 
         there = any(Path(path).exists() for path in result.files)
         if result.rule in done or not (result.rule in wanted or there):
             continue
+        if after == "success" and not all(Path(path).exists() for path in result.inputs()):
+            continue
         if measured or not result.measures:
             result.write()
             written += map(Path, result.files)

@@ -6,9 +6,13 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from cortet.cohort.sheet import write_sheet
+import numpy as np
+
+from cortet.cohort.sheet import PHANTOM, write_sheet
+from cortet.formats import vtu
+from cortet.formats.gifti import read_surface, write_fields
 from cortet.formats.hashing import sha256
-from tests.integration.study import Study
+from tests.integration.study import STATUS, Study
 from tests.integration.study import surface as study_surface
 
 
@@ -82,3 +86,35 @@ def test_another_sheet_on_the_same_output_drops_no_case_of_the_first(study: Stud
     study.config["cohort"] = {"sheet": "other.tsv"}
     study.jobs_of_run("meshes")
     assert all("certificate.json" in results(study, name) for name in "abc")
+
+
+def test_a_field_taken_from_the_sheet_is_taken_from_the_mesh(study: Study) -> None:
+    first, second = study.cases()
+    file = study.folder / "surfaces/a_thickness.shape.gii"
+    write_fields({"thickness": np.ones(len(read_surface(Path(first.surface)).points))}, file)
+    study.write_cases([replace(first, fields={"thickness": file}), second])
+    study.jobs_of_run("meshes")
+    (mesh,) = study.files("sub-a/mesh/*Solver_sets.vtu")
+    assert "thickness" in vtu.read(mesh).point_data
+    study.write_cases([first, second])
+    study.jobs_of_run("meshes")
+    assert "thickness" not in vtu.read(mesh).point_data
+
+
+def test_files_of_a_format_that_is_no_longer_asked_for_do_not_stay_beside_another_mesh(study: Study) -> None:
+    study.config["export"] = {"formats": ["vtu", "abaqus"]}
+    study.jobs_of_run("meshes")
+    study.config |= {"export": {"formats": ["vtu"]}, "generate": {**study.config["generate"], "seed": 1}}
+    assert "2 meshes were made with other settings" in study.run("--dry-run", "meshes").stdout
+    study.jobs_of_run("meshes")
+    study.jobs_of_run("--forcerun", "certify", "--", "meshes")
+    assert not study.files("sub-a/mesh/*.inp") and len(study.files("sub-a/mesh/*Solver_sets.vtu")) == 1
+
+
+def test_a_phantom_that_failed_and_became_a_file_is_certified(study: Study) -> None:
+    first, second = study.cases()
+    study.write_cases([replace(first, surface=PHANTOM, scan_age=None), second])
+    study.run("meshes")
+    study.write_cases([first, second])
+    study.jobs_of_run(STATUS)
+    assert study.status()["sub-a_hemi-L"]["state"] == "certified"
