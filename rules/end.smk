@@ -16,6 +16,7 @@ from cortet.report.over_all import is_of_run, remember_run
 
 FOLDER = of_workflow()  # the main Snakefile may be a user's, which includes ours
 HELD = []  # files whose locks last until the end of this process
+HAD_RESULTS = Path(f"{OUT}/cohort").is_dir()  # which may be older than what this run makes
 
 
 def report_what_is_there(after):
@@ -43,7 +44,8 @@ onstart:
 
 def end_run(after):
     """Make what is over all cases, and say what became of them, unless `cortet run` started this and will say it."""
-    report_what_is_there(after)
+    if HAD_RESULTS or after == "failure":
+        report_what_is_there(after)
     if not is_held_by_parent():
         logger.warning(outcome(with_failures(PLAN), Path(OUT), page="cohort_page" in ASKED))
 
