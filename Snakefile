@@ -61,10 +61,7 @@ rule participants:
     """Everything on single cases: solver files, certificates, pages, records, folding."""
     input:
         rules.dataset_description.output,
-        lambda _: PLAN.solver_files(),
-        lambda _: PLAN.quality_records(),
-        lambda _: list(PLAN.each_case(LAYOUT.case_page).values()),
-        of_neighbours,
+        lambda _: PLAN.files_of_cases(),
 
 
 rule cohort:

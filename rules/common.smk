@@ -18,7 +18,7 @@ from cortet import __version__
 from cortet.cohort.app import require_plain_python
 from cortet.cohort.bids import Places, descriptions, require_own_output
 from cortet.cohort.failures import made_otherwise
-from cortet.cohort.layout import EXPORTED, LABELS, SHARED, WILDCARDS, beside, file_of
+from cortet.cohort.layout import EXPORTED, LABELS, SHARED, WILDCARDS, beside
 from cortet.cohort.lock import is_held_by_parent, require_free
 from cortet.cohort.plan import existing
 from cortet.cohort.resources import cost

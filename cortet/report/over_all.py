@@ -7,6 +7,7 @@ The rules of the workflow make each of them when all cases are done. After a run
 from __future__ import annotations
 
 import json
+import logging
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -26,6 +27,8 @@ from cortet.errors import CortetError, InputError
 from cortet.formats.atomic import atomic_path, write_json
 from cortet.formats.ownership import json_of
 from cortet.neighbours import OnPage, neighbours
+
+logger = logging.getLogger(__name__)
 
 #: rules of the core that a whole run asks for
 OF_COHORT = (
@@ -167,7 +170,8 @@ def report(output: Path, *, after: Literal["success", "failure"] | None = None) 
     InputError : as `plan_of_run`
     """
     plan, asked = plan_of_run(output)
-    set_aside(with_failures(plan))
+    for moved in set_aside(with_failures(plan)):
+        logger.warning("%s", moved)
     plan = with_failures(plan)
     wanted = {None: {*asked, *OF_COHORT}, "failure": {*asked}, "success": set[str]()}[after]
     done = {*asked} - {"cohort_page"} if after == "success" else set()
