@@ -51,7 +51,7 @@ doctor: setup ## prove that every dependency works
 format: setup ## format and lint, mending what can be mended
 	ruff format .
 	ruff check --fix .
-	snakefmt Snakefile rules
+	snakefmt Snakefile rules studies/Snakefile
 
 lock: setup ## pin the dependencies of pyproject.toml anew (UPGRADE=1: to the newest)
 	UPGRADE=$(UPGRADE) tools/lock.sh

@@ -254,7 +254,6 @@ LIBRARIES = (
     Tool("gmsh", "S3", _prove_gmsh, "libglu1-mesa libxft2 libxcursor1 libxinerama1 libgl1"),
     Tool("pymeshlab", "smoothing of the input", _prove_pymeshlab, "libgl1 libopengl0 libegl1"),
     Tool("pyvista", "pictures of meshes", _prove_pyvista, "libgl1 libegl1 libxrender1"),
-    Tool("nilearn", "statistics of a population (biomarkers)"),
     *map(Tool, LISTED.split()),
 )
 #: the extras `slurm` and `baselines` (meshers that experiments compare with)

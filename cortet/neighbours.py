@@ -100,10 +100,6 @@ class Neighbour:
         """Its part of the page of all cases."""
         return None
 
-    def sentences(self, _: Plan) -> list[str]:
-        """What the methods paragraph says of its results."""
-        return []
-
     def add_commands(self, _: App) -> None:
         """Add its commands to `cortet`."""
 

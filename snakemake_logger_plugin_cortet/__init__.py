@@ -28,7 +28,6 @@ _LAST, _FOLD = "certify", "fold"
 #: rules after the certificate, `cortet.cohort.plan.AFTER_CERTIFICATE`: their mesh may be of an earlier run
 _AFTER = {
     *("volumes", "export", "ten_nodes", "case_page", "case_maps", "fold", "fold_figures", "folded_surface"),
-    *("common_maps", "convergence_run", "prediction_run", "prediction_views", "prediction_spread"),
 }
 #: exceptions of a failed job, of which our own line says why
 _OF_JOBS = ("RuleException", "CalledProcessError")

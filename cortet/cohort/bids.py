@@ -38,7 +38,6 @@ IGNORED = (
     "outdated",
     "cohort",
     "simulation",
-    "prediction",
     "logs",
     "benchmarks",
     "work",

@@ -179,6 +179,4 @@ def _names(failure: Failure, path: str) -> bool:
     words += [rf"_desc-{of['mesher']}{of['setting']}({_LABEL})" if "setting" in of else ""] if "mesher" in of else []
     words += [rf"_desc-{of['mesher']}"] if "mesher" in of and "setting" not in of else []
     words += [rf"({'|'.join(_OF_NEIGHBOURS)}){of['variant']}/"] if "variant" in of else []
-    words += [rf"_seed-{of['seed']}/"] if "seed" in of else []
-    words += [rf"_desc-{of['kind']}{of.get('changed', '')}/"] if "kind" in of else []
     return all(re.search(word, path) for word in words)

@@ -1,8 +1,8 @@
 """Names of the files of an output folder, BIDS-derivative style; neighbours of the core name their own.
 
 A pattern is a name with Snakemake's wildcards: `folder` and `case` of the sheet, `res` (cell size in µm), `mesher`,
-`setting` (empty for the line's own), `inner` (region of an inner surface), `variant` (of a fold), `kind` (of a
-prediction) and `changed` (its variant), `week` (of a folded cortex), `seed`, `suffix`.
+`setting` (empty for the line's own), `inner` (region of an inner surface), `variant` (of a fold), `week` (of a folded
+cortex), `suffix`.
 """
 
 from __future__ import annotations
@@ -115,8 +115,7 @@ class Layout:
         known = {
             "res": "res-{res}um",
             "mesher": f"desc-{{mesher}}{''.join(f'{{{key}}}' for key in ('setting', 'variant') if key in found)}",
-            **{key: f"{key}-{{{key}}}" for key in ("seed", "inner", "hemi", "reference", "week")},
-            "kind": f"kind-{{kind}}{'{changed}' if 'changed' in found else ''}",
+            **{key: f"{key}-{{{key}}}" for key in ("inner", "hemi", "reference", "week")},
             "suffix": "{suffix}",
         }
         parts = [name, *(text for key, text in known.items() if key in found)]

@@ -131,6 +131,12 @@ def _overlaid(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any
 #: names that pydantic gives to the types of a value; they are not part of a key's name
 _OF_A_UNION = re.compile(r"float$|int$|str$|(dict|list|constrained|literal)\b.*|\[key\]$")
 
+#: keys that cortet once had, and what took their place
+_GONE = dict.fromkeys(
+    ("biomarkers", "experiments.convergence", "experiments.prediction"),
+    "this study is in the folder studies/ of the repository",
+)
+
 #: how pydantic begins most of its messages
 _WANTED = "Input should be "
 
@@ -153,6 +159,8 @@ def _complaint(problem: Any, data: Mapping[str, Any]) -> tuple[str, str]:
     name = ".".join([*parents, last])
     if problem["type"] != "extra_forbidden":
         return f"{name} = {reprlib.repr(problem['input'])}: ", problem["msg"].removeprefix("Value error, ")
+    if name in _GONE:
+        return f"key {name} is gone: ", _GONE[name]
     model: Any = Config
     for parent in parents:
         model = model.model_fields[parent].annotation

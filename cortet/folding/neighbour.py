@@ -19,26 +19,18 @@ if TYPE_CHECKING:
 
 
 class Folding(Neighbour):
-    """Folds of meshes, how they converge, and brains predicted by them."""
+    """Folds of meshes."""
 
     name = "folding"
     calls = dict.fromkeys(("Folded", "fold", "growth"), "cortet.folding.calls")
-    rules = (
-        *("fold", "fold_figures", "folded_surface", "common_maps"),
-        *("convergence_run", "prediction_run", "prediction_views", "prediction_spread"),
-    )
+    rules = ("fold", "fold_figures", "folded_surface")
     label = "Folded"
 
     def sections(self) -> Mapping[str, type[Section]]:
-        """`fold`, `biomarkers`, and two experiments."""
-        from cortet.folding.section import Biomarkers, Convergence, Fold, Prediction
+        """`fold`."""
+        from cortet.folding.section import Fold
 
-        return {
-            "fold": Fold,
-            "biomarkers": Biomarkers,
-            "experiments.convergence": Convergence,
-            "experiments.prediction": Prediction,
-        }
+        return {"fold": Fold}
 
     def steps(self) -> Mapping[str, Step]:
         """The fold of a mesh."""
@@ -51,14 +43,9 @@ class Folding(Neighbour):
         from cortet.sections import Cost
 
         return {
-            "convergence_run": Cost((500, 1200), (90, 4000)),
-            "prediction_run": Cost((700, 1300), (300, 16000)),
-            "prediction_views": Cost((900, 0), (60, 0)),
-            "prediction_spread": Cost((900, 0), (90, 0)),
             "fold": Cost((500, 1200), (90, 4000)),
             "fold_figures": Cost((500, 800), (60, 120)),
             "folded_surface": Cost((500, 1500), (30, 120)),
-            "common_maps": Cost((600, 0), (15, 0)),
         }
 
     def check_field(self, name: str, own_name: str, file: str | Path) -> None:
@@ -67,13 +54,12 @@ class Folding(Neighbour):
 
         check_age(name, own_name, file)
 
-    def counts(self, plan: Plan, case: Case, rule: str, wildcards: Mapping[str, str]) -> bool:
-        """A fold that is asked for counts; the experiments do not."""
+    def counts(self, plan: Plan, case: Case, _rule: str, wildcards: Mapping[str, str]) -> bool:
+        """A fold that is asked for counts."""
         from cortet.folding.plan import Folds
 
         variants = ("", *plan.config.fold.variants)
-        asked = rule in ("fold", "fold_figures", "folded_surface") and wildcards.get("variant", "").lower() in variants
-        return asked and case.name in Folds(plan).folded
+        return wildcards.get("variant", "").lower() in variants and case.name in Folds(plan).folded
 
     def files(self, plan: Plan) -> list[str]:
         """Pictures of the folds, and their surfaces."""
@@ -82,7 +68,7 @@ class Folding(Neighbour):
         return Folds(plan).files()
 
     def results(self, plan: Plan) -> list[Result]:
-        """All folds, convergence, prediction."""
+        """All folds."""
         from cortet.folding.results import results
 
         return results(plan)
@@ -92,12 +78,6 @@ class Folding(Neighbour):
         from cortet.folding.results import on_page
 
         return on_page(plan)
-
-    def sentences(self, plan: Plan) -> list[str]:
-        """Of the population, once its record is there."""
-        from cortet.folding.results import sentences
-
-        return sentences(plan)
 
     def add_commands(self, app: App) -> None:
         """Add `fold`, `growth` and `job`."""

@@ -1,16 +1,15 @@
-"""Sections of the configuration: `fold`, the only source of the defaults and limits of a fold, and its experiments."""
+"""Sections of the configuration: `fold`, the only source of the defaults and limits of a fold."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from cortet.folding import AGES
-from cortet.meshers import MesherName
-from cortet.sections import Cases, CellSize, Finite, NonNegativeInt, Positive, Section
+from cortet.sections import Cases, Finite, Positive, Section
 
 #: placeholder for the hemisphere in the name of a file
 _HEMI = "{hemi}"
@@ -30,9 +29,6 @@ Measure = Literal[
     "white_stretch",
 ]
 Model = Literal["growing", "braingrowth"]
-PredictionKind = Literal[
-    "mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "braingrowth", "path", "nothing"
-]
 #: shortest relaxation time, weeks: below a time step, relaxation takes energy that no account has
 _SHORTEST = 0.01
 
@@ -191,94 +187,3 @@ class Settings(Fold):
     """Of the mesh, weeks; growth is relative to it."""
     hemisphere: Literal["L", "R"] | None = None
     """Half a brain, which the medial plane confines; null: a whole one."""
-
-
-class Biomarkers(Section):
-    """A population: folds on the common mesh of `resample`, at the weeks of fold.surfaces (`snakemake biomarkers`)."""
-
-    model: list[str] = []
-    """Columns of the cohort sheet in a general linear model of each measure at each vertex: scan_age, sex, group, any
-    number or word. Each is tested while the others are held. variant alone compares the variants of `fold` within
-    cases. Empty: means and spread only."""
-    measures: Annotated[list[Measure], Field(min_length=1)] = list(get_args(Measure))
-    """Measures that are gathered and tested."""
-    parcels: str | None = None
-    """Field of the sheet with labels of the surface, e.g. label: the table has means over each. null: over all of the
-    surface only."""
-    permutations: Annotated[int, Field(ge=20, le=100_000)] = 1000
-    """Random permutations, of which the largest t of all vertices corrects p."""
-    seed: NonNegativeInt = 0
-    """Of the permutations."""
-
-
-class Convergence(Section):
-    """Folding against the cell size: `snakemake convergence`. What is folded, and until when, is as in `fold`."""
-
-    cases: Cases = 1
-    """Cases: all, a number of them spread over the ages, or a list of their names."""
-    cell_size: Annotated[list[CellSize], Field(min_length=2)] = [1.6, 1.2, 0.9]
-    """Cell sizes h, mm; three or more, in about equal ratios, allow an extrapolation to h = 0."""
-    seeds: Annotated[list[NonNegativeInt], Field(min_length=1)] = [0, 1]
-    """Realisations of a mesh (`generate.seed`): directions in which it is made. How much they differ is chance."""
-    meshers: Annotated[list[MesherName], Field(min_length=1)] = ["lattice", "cgal"]
-    """Meshers: lattice, cgal."""
-
-
-class Prediction(Section):
-    """Later brains predicted from growth that was measured: `snakemake prediction`. Folds are as in `fold`."""
-
-    participants: list[str] = []
-    """Participants whose surfaces of several ages have vertices that correspond: a series each, by hemisphere. Empty:
-    all that have two ages or more."""
-    cell_size: CellSize = 1.1
-    """Cell size h, mm, of the mesh of the first surface."""
-    kinds: list[PredictionKind] = [
-        *("mechanics", "core", "forecast"),
-        *("uniform", "shuffled", "unmapped", "braingrowth", "path", "nothing"),
-    ]
-    """What is predicted from. mechanics: growth until the last age. core: the same, and the core grows as the later
-    surfaces let it: what it would be worth to know this. forecast: growth until an early age, which goes on
-    as in usual brains. The rest is what they have to beat. uniform: the same growth everywhere. shuffled: growth turned
-    at random on the sphere, where the sheet has one. unmapped: the model of fold without growth that was measured.
-    braingrowth: the model of that name, in which only the cortex grows.
-    path: each vertex goes on as it went until the early age. nothing: the first surface, scaled to the volume."""
-    until: Annotated[float, Field(ge=AGES[0], le=AGES[1])] = 32.0
-    """The early age, weeks: a forecast knows surfaces up to there."""
-    rounds: Annotated[int, Field(ge=1, le=10)] = 3
-    """Rounds in which the growth that has to be imposed is found: compressed tissue grows less than it is told to."""
-    smoothing: Annotated[float, Field(ge=0, le=50)] | None = None
-    """Smoothing of measured growth along the surface, full width at half maximum, mm; null: as much as noise asks
-    for."""
-    seed: NonNegativeInt = 0
-    """Of the random rotation of shuffled."""
-    uncertain: list[PredictionKind] = []
-    """Kinds that are predicted once more under each of variants. How far these predictions lie apart is a map, and
-    whether the truth lies among them are columns of the table."""
-    variants: dict[Annotated[str, Field(pattern="^[a-z][a-z0-9]*$")], dict[str, Any]] = {
-        "coarser": {"cell_size": 1.4},
-        "turned": {"seed": 1},
-        "softer": {"core_stiffness": 1.25},
-        "stiffer": {"core_stiffness": 0.8},
-        "thinner": {"thickness": 1.0},
-        "thicker": {"thickness": 1.5},
-    }
-    """Variants, name: what differs, cell_size, seed (of generate: the direction in which the mesh is made), or keys of
-    fold. By default stiffness and thickness of the cortex are 20 % lower and higher."""
-
-    @model_validator(mode="after")
-    def _variants_are_valid(self) -> Prediction:
-        same_in_all = {
-            "path": "is not folded, so it has no variants",
-            "nothing": "is not folded, so it has no variants",
-            "braingrowth": "has constants of its own, which no variant changes",
-        }
-        if same := [kind for kind in self.uncertain if kind in same_in_all]:
-            raise ValueError(f"uncertain: {same[0]} {same_in_all[same[0]]}")
-        for name, changed in self.variants.items():
-            own = {key: value for key, value in changed.items() if key in ("cell_size", "seed")}
-            try:
-                Prediction(**own, variants={}), Fold(**{key: changed[key] for key in changed.keys() - own.keys()})
-            except ValidationError as error:
-                first = error.errors()[0]
-                raise ValueError(f"variant {name}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from None
-        return self

@@ -62,15 +62,10 @@ def write_methods(
     failures: Mapping[str, str],
     markdown: str | Path,
     view: str | Path,
-    more: Iterable[str] = (),
 ) -> None:
-    """Write the paragraph with its references, and an HTML page of both, from the files of certificates.
-
-    more : further sentences
-    """
+    """Write the paragraph with its references, and an HTML page of both, from the files of certificates."""
     contents = [read_certificate(name) for name in certificates]
-    text = " ".join([methods_text(contents, sheet, failures).strip(), *more])
-    closed = f"{text} {CLOSING}"
+    closed = f"{methods_text(contents, sheet, failures).strip()} {CLOSING}"
     references = [(key, reference(REFERENCES[key])) for key in cited(contents)]
     listed = "\n".join(f"{number}. {words}" for number, (_, words) in enumerate(references, start=1))
     with atomic_path(markdown) as temporary:

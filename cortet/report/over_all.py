@@ -432,13 +432,10 @@ class OverAll:
     def _methods(self) -> Result:
         plan, text = self.plan, self._files("methods", ".md", ".html")
 
-        def said() -> list[str]:
-            return [sentence for neighbour in neighbours() for sentence in neighbour.sentences(plan)]
-
         def write() -> None:
             from cortet.report.methods import write_methods
 
-            write_methods(self._certificates(), plan.sheet, plan.unmeasured(), text[0], text[1], said())
+            write_methods(self._certificates(), plan.sheet, plan.unmeasured(), text[0], text[1])
 
         return Result(
             "methods",
@@ -448,7 +445,7 @@ class OverAll:
             ("report.methods", "report.citation"),
             {text[1]: ("Methods", {"text": "methods paragraph"})},
             "methods",
-            lambda: [*(asdict(case) for case in plan.sheet), *said()],
+            lambda: [asdict(case) for case in plan.sheet],
         )
 
     def _page(self) -> Result:

@@ -156,7 +156,7 @@ def test_published_setting_is_the_papers_and_single_keys_override_it() -> None:
         ({"setting": "paper"}, "setting = 'paper': Input should be 'default', 'cgal' or 'published'"),
         ({"generate": {"cell_size": True}}, "generate.cell_size = True: yes and no (True and False) mean nothing here"),
         ({"generate": {"cell_size": [1.0, False]}}, "yes and no"),
-        ({"experiments": {"prediction": {"uncertain": ["braingrowth"]}}}, "braingrowth has constants of its own"),
+        ({"biomarkers": {"seed": 1}}, "key biomarkers is gone: this study is in the folder studies/"),
         ({"fold": {"cases": True}}, "fold.cases = True: yes and no"),
         ({"fold": {"core_relaxation": 0}}, "= 0: Input should be greater than 0, or a valid dictionary, or 'elastic'"),
         ({"fold": {"core_relaxation": 1e-6}}, "fold.core_relaxation = 1e-06: a time of 1e-06 weeks is below"),

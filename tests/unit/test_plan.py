@@ -15,7 +15,6 @@ import pytest
 from cortet.cohort.plan import Mesh, Plan
 from cortet.cohort.sheet import PHANTOM, Case
 from cortet.config import load
-from cortet.errors import InputError
 from cortet.folding.plan import Folds
 from cortet.formats.hashing import sha256
 from cortet.paper.experiments import Experiments
@@ -212,14 +211,6 @@ def test_planning_loads_nothing_heavy() -> None:
     code = f"import sys, cortet.report.over_all; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-def test_a_series_with_two_cases_of_one_age_is_refused() -> None:
-    weeks = [replace(GOOD, session=f"w{number}", scan_age=age) for number, age in enumerate((24.0, 26.0, 26.0))]
-    made = Folds(plan(*weeks))
-    (first,) = made.prediction_series()
-    with pytest.raises(InputError, match="w1_hemi-L and .*w2_hemi-L have the same age, 26 weeks, in one series"):
-        made.surfaces_of_series(first)
 
 
 def test_the_experiments_say_what_their_meshes_cost_at_most() -> None:

@@ -96,7 +96,6 @@ def test_the_profile_groups_every_rule_on_a_case_but_the_long_ones() -> None:
     grouped = {line.partition("=")[0] for line in profile["groups"]}
     rules = {rule.partition(":")[0] for rule in COSTS}
     rules |= {f"{stage.name}_inner" for stage in STAGES.values() if stage.alone and stage.name in COSTS}
-    long = {"generate", "fold", "fold_figures", "folded_surface", "common_maps", "convergence_run"}
-    long |= {"prediction_run", "prediction_views", "prediction_spread"}
+    long = {"generate", "fold", "fold_figures", "folded_surface"}
     assert rules - grouped == long and grouped <= rules
     assert profile["retries"] > 0 and "attempt=attempt" in profile["default-resources"]

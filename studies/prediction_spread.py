@@ -8,14 +8,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from prediction_tables import map_views
+from series import Series, aligned
 
 from cortet.errors import InputError
-from cortet.folding.longitudinal import Series, aligned
 from cortet.folding.measurements import depth_below_hull
-from cortet.folding.prediction_tables import map_views
 from cortet.meshes import FloatArray
-
-VERSION: int = 2
 
 #: the truth is among the predictions where it is at most so many standard deviations from their mean
 _AMONG = 2.0
@@ -48,7 +46,7 @@ def spreads(series: Series, runs: Sequence[Mapping[float, FloatArray]]) -> dict[
     InputError : there are fewer than two runs
     """
     if len(runs) < 2:
-        raise InputError("one run has no spread", remedy="name two experiments.prediction.variants or more")
+        raise InputError("one run has no spread", remedy="name two prediction.variants or more")
     ages = sorted(set.intersection(*(set(run) for run in runs)))
     return {age: _spread([aligned(run[age], series.at(age).points, series.weights) for run in runs]) for age in ages}
 

@@ -1,6 +1,6 @@
 """Two groups of phantoms whose growth differs in one parcel: where the map finds them, and its false positives.
 
-    python benchmarks/population.py [--subjects 10] [--permuted 200] [--end 29]
+    python studies/false_positives.py [--subjects 10] [--permuted 200] [--end 29]
 
 Prints for each measure the vertices with a corrected p below 0.05 within the parcel, at its rim (twice the cell size)
 and elsewhere; the same of the means over parcels; and, of brains that all grow alike, in how many of the permuted
@@ -14,10 +14,10 @@ import tempfile
 
 import numpy as np
 from numpy.typing import NDArray
+from population import design_of, effects
 from scipy.spatial import cKDTree
 
 import cortet
-from cortet.folding.biomarkers import design_of, effects
 from cortet.folding.folded_surface import maps_of
 from cortet.geometry.spheres import vertex_areas
 from cortet.meshes import TriSurface

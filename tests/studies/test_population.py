@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import nibabel as nib
 import numpy as np
 import pytest
-from shapes import ball_surface
+from population import design_of, effects, write_study
 
+from cortet.cohort.sheet import Case
 from cortet.errors import InputError
-from cortet.folding.biomarkers import design_of, effects, write_common, write_population, write_values
-from cortet.folding.measures import MEASURES
-from cortet.folding.section import Biomarkers
+from cortet.folding.measures import surface_files
 from cortet.formats.gifti import read_fields, write_fields, write_surface
+from cortet.formats.tsv import read_tsv
+from cortet.geometry.icosphere import icosphere
 from cortet.meshes import TriSurface
+from tests.unit.shapes import ball_surface
 
 FOLDS, RADIUS = 12, 20.0
 #: p below which a vertex counts as found, permutations, and permuted groups
@@ -30,10 +34,6 @@ def rows(number: int = FOLDS) -> list[dict[str, object]]:
 
 def noise(vertices: int, seed: int = 0, number: int = FOLDS) -> np.ndarray:
     return np.random.default_rng(seed).normal(size=(number, vertices))
-
-
-def test_every_scalar_measure_may_be_chosen() -> None:
-    assert Biomarkers().measures == [name for name in MEASURES if not name.endswith("_direction")]
 
 
 def test_words_become_groups_and_numbers_are_centred() -> None:
@@ -109,46 +109,38 @@ def test_false_positives_come_at_their_rate() -> None:
 
 
 def test_a_population_has_stacks_maps_a_design_and_a_table(tmp_path: Path) -> None:
-    common, given = ball_surface(2, 100.0), rows(8)
-    height = ball_surface(3, 1.0).points[:, 2]
-    runs = []
-    for number, row in enumerate(given):
-        surface = TriSurface(RADIUS * ball_surface(3, 1.0).points, ball_surface(3, 1.0).faces)
+    ball, sheet = ball_surface(3, 1.0), []
+    height = ball.points[:, 2]
+    for number, row in enumerate(rows(8)):
+        name, folder = f"s{number}", tmp_path / f"sub-s{number}"
+        run = folder / f"simulation/sub-{name}_hemi-L_res-4000um_desc-latticeFolded"
+        files = surface_files(run, f"sub-{name}_hemi-L", 30.0)
         depth = np.where((height > 0.5) & (row["group"] == "b"), 5.0, 1.0) + 0.1 * noise(len(height), number, 1)[0]
-        folder = tmp_path / str(row["case"])
-        files = {name: str(folder / f"{name}.{end}") for name, end in (("surface", "surf.gii"), ("maps", "shape.gii"))}
-        files["parcels"] = str(folder / "parcels.tsv")
-        write_surface(surface, folder / "folded.surf.gii")
+        write_surface(TriSurface(RADIUS * ball.points, ball.faces), files["surface"])
+        write_fields({"depth": depth}, files["depth"])
         write_surface(ball_surface(3, 50.0), folder / "sphere.surf.gii")
-        write_fields({"depth": depth}, folder / "depth.shape.gii")
         write_fields({"parcel": (height > 0.5).astype(np.int32)}, folder / "p.label.gii")
-        write_common(
-            folder / "folded.surf.gii",
-            {"depth": folder / "depth.shape.gii"},
-            folder / "sphere.surf.gii",
-            common,
-            folder / "p.label.gii",
-            {name: Path(file) for name, file in files.items()},
-            hemi="L",
-        )
-        runs.append({**row, "hemi": "L", "week": 30.0, "files": files})
-    ends = {"order": "tsv", "surface": "surf.gii", "depth_stack": "func.gii", "depth_maps": "shape.gii"}
-    ends |= {"design": "mat", "contrasts": "con", "figure": "png"}
-    outputs = {name: str(tmp_path / f"all/{name}.{end}") for name, end in ends.items()}
-    record = write_population(runs, ["depth"], ["group"], outputs, permutations=PERMUTATIONS, seed=0, hemi="L")
-    stack = nib.load(outputs["depth_stack"])
-    assert [array.meta["Name"] for array in stack.darrays] == [row["case"] for row in given]
+        case = Case(name, None, "L", 28.0, folder / "white.surf.gii", sphere=folder / "sphere.surf.gii")
+        sheet.append(replace(case, fields={"parcel": folder / "p.label.gii"}, extra={"group": str(row["group"])}))
+    found = tmp_path / "found"
+    options = {"weeks": [30.0], "measures": ["depth"], "subdivisions": 3, "permutations": PERMUTATIONS}
+    write_study(sheet, tmp_path, found, model=["group"], parcels="parcel", **options)
+    stack = nib.load(found / "hemi-L_week-30_depth.func.gii")
+    assert [array.meta["Name"] for array in stack.darrays] == [case.name for case in sheet]
     assert stack.meta["AnatomicalStructurePrimary"] == "CortexLeft"
-    maps, high = read_fields(outputs["depth_maps"]), common.points[:, 2] > 60
+    maps, common = read_fields(found / "hemi-L_week-30_depth.shape.gii"), icosphere(3).points[:, 2]
+    common = common / common.max()
     assert set(maps) == {"mean", "spread", "t_group[b]", "p_group[b]"}
-    assert (maps["p_group[b]"][high] < ALPHA).all()
-    assert not (maps["p_group[b]"][common.points[:, 2] < 30] < ALPHA).any()
+    assert (maps["p_group[b]"][common > 0.6] < ALPHA).all()
+    assert not (maps["p_group[b]"][common < 0.3] < ALPHA).any()
+    record = json.loads((found / "population.json").read_text())["Model"]["hemi-L_week-30"]
     assert record["effects"]["group[b]"]["depth"]["smallest_p"] < ALPHA
-    assert "/NumWaves\t2\n/NumPoints\t8\n/Matrix\n" in Path(outputs["design"]).read_text()
-    assert Path(outputs["contrasts"]).read_text().endswith("/Matrix\n1\t0\n")
-    write_values(runs, record, tmp_path / "t.tsv", tmp_path / "t.json")
-    lines = [line.split("\t") for line in (tmp_path / "t.tsv").read_text().splitlines()]
-    assert lines[0] == ["case", "variant", "hemi", "week", "parcel", "measure", "value"]
-    means = {(line[0], line[4]): float(line[6]) for line in lines[1:]}
-    assert means["s1", "1"] == pytest.approx(5, abs=0.3) and means["s0", "1"] == pytest.approx(1, abs=0.3)
-    assert {parcel for _, parcel in means} == {"all", "0", "1"}
+    assert "/NumWaves\t2\n/NumPoints\t8\n/Matrix\n" in (found / "hemi-L_week-30_design.mat").read_text()
+    assert (found / "hemi-L_week-30_design.con").read_text().endswith("/Matrix\n1\t0\n")
+    assert (found / "figure_hemi-L_week-30.png").stat().st_size
+    table = read_tsv(found / "population.tsv")
+    means = {(row["case"], row["parcel"]): float(row["value"]) for row in table.to_dict("records")}
+    assert means["sub-s1_hemi-L", "1"] == pytest.approx(5, abs=0.3)
+    assert means["sub-s0_hemi-L", "1"] == pytest.approx(1, abs=0.3)
+    with pytest.raises(InputError, match="31 weeks"):
+        write_study(sheet, tmp_path, found, **{**options, "weeks": [31.0]})

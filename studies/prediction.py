@@ -18,14 +18,14 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from carried import carried
 from scipy.spatial.transform import Rotation
+from series import Series
 
 from cortet.errors import InputError
-from cortet.folding.carried import carried
 from cortet.folding.fields import growth_field
 from cortet.folding.fold import SAME_AGE, Say, Verdict, fold
 from cortet.folding.growth import AREA, VOLUME, usual
-from cortet.folding.longitudinal import Series
 from cortet.folding.section import Settings
 from cortet.folding.surface_growth import (
     fitted,
@@ -40,8 +40,6 @@ from cortet.geometry.topology import boundary_nodes, edges, vertex_normals
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.stages.transfer import transfer
-
-VERSION: int = 2
 
 Kind = Literal["mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "braingrowth", "path", "nothing"]
 #: kinds that are folded
@@ -219,16 +217,14 @@ def predict(
     if kind == "nothing":
         return Prediction(kind, nothing_changes(series), None, [])
     if not any(age <= until for age in series.ages[1:]):
-        raise InputError(
-            f"no surface is known until {until:g} weeks", remedy="set a later experiments.prediction.until"
-        )
+        raise InputError(f"no surface is known until {until:g} weeks", remedy="set a later prediction.until")
     until = max(age for age in series.ages if age <= until)
     if kind == "path":
         return Prediction(kind, without_mechanics(series, until), None, [])
     if kind != "braingrowth" and settings.model != "growing":
         raise InputError(
             f"the kind {kind} imposes growth on the model growing, but fold.model is {settings.model}",
-            remedy="leave out fold.model; experiments.prediction.kinds may name braingrowth",
+            remedy="leave out fold.model; prediction.kinds may name braingrowth",
         )
     if kind == "braingrowth":
         settings = _of_braingrowth(settings)

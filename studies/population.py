@@ -8,9 +8,10 @@ NeuroImage 92, 2014).
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -22,25 +23,25 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from cortet.cohort.ages import number
+from cortet.cohort.sheet import Case
 from cortet.errors import InputError
-from cortet.folding.measures import MEASURES, USUAL
+from cortet.folding.measures import MEASURES, USUAL, surface_files
 from cortet.formats.atomic import atomic_path, write_json
 from cortet.formats.gifti import read_fields, read_surface, write_fields, write_surface
 from cortet.formats.tables import Column, write_table
-from cortet.formats.tsv import MISSING, read_tsv, write_tsv
+from cortet.formats.tsv import MISSING, write_tsv
+from cortet.geometry.icosphere import icosphere
 from cortet.geometry.spheres import vertex_areas
 from cortet.meshes import FloatArray, TriSurface
 from cortet.report.figures import PAGE, drawn, save
 from cortet.report.surface_maps import map_view, usual_range
 from cortet.solver_files.common_sphere import Parcels, onto_common, read_parcels
 
-VERSION: int = 2
-
 #: column of the model that compares the variants of `fold` within cases
 VARIANT = "variant"
 #: name of the parcel that is the whole surface
 WHOLE = "all"
-#: columns of `biomarkers.tsv`
+#: columns of `population.tsv`
 COLUMNS = (
     Column("case", "Name of the case"),
     Column("variant", "Variant of fold"),
@@ -61,17 +62,34 @@ _SHOWN, _COLOURS = 0.05, 512
 # --- one fold
 
 
-def write_common(
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """A folded cortex of one week on the common mesh."""
+
+    #: what the sheet says of it: `case`, `variant`, `hemi`, `week`, `scan_age`, and columns of its own
+    row: Mapping[str, Any]
+    surface: TriSurface
+    #: measure -> (v,)
+    maps: Mapping[str, FloatArray]
+    #: `parcel`, `measure`, `value`: means over the parcels
+    means: Sequence[Mapping[str, Any]]
+
+    @property
+    def name(self) -> str:
+        """Its name in a stack."""
+        usual = self.row["variant"] == USUAL
+        return str(self.row["case"]) if usual else f"{self.row['case']}_{self.row['variant']}"
+
+
+def on_common(
+    row: Mapping[str, Any],
     folded: Path,
     maps: Mapping[str, Path],
     sphere: Path,
     common: TriSurface,
-    parcels: Path | None,
-    outputs: Mapping[str, Path],
-    *,
-    hemi: Literal["L", "R"] | None = None,
-) -> None:
-    """Bring the folded cortex and its maps onto the common mesh, and write the means over its parcels.
+    parcels: Path | None = None,
+) -> Fold:
+    """Bring a folded cortex and its maps onto the common mesh.
 
     Parameters
     ----------
@@ -80,7 +98,6 @@ def write_common(
     sphere : registered sphere of the native surface
     common : sphere whose vertices all cases share
     parcels : labels of the native surface
-    outputs : `surface`, `maps` and `parcels` (TSV: parcel, measure, value)
 
     Raises
     ------
@@ -91,15 +108,58 @@ def write_common(
     values = {name: next(iter(read_fields(file).values())).astype(np.float64) for name, file in maps.items()}
     known = [Parcels(np.zeros(len(surface.points), np.int32), {0: WHOLE}, vertex_areas(surface))]
     known += [read_parcels(parcels, surface)] if parcels else []
-    rows = [
+    means = [
         {"parcel": parcel, "measure": name, "value": value}
         for one in known
         for name, some in values.items()
         for parcel, value in one.means(some).items()
     ]
-    write_surface(TriSurface(weights @ surface.points, common.faces, frame=surface.frame), outputs["surface"])
-    write_fields({name: weights @ some for name, some in values.items()}, outputs["maps"], hemisphere=hemi)
-    write_tsv(rows, ["parcel", "measure", "value"], outputs["parcels"])
+    there = TriSurface(weights @ surface.points, common.faces, frame=surface.frame)
+    return Fold(row, there, {name: weights @ some for name, some in values.items()}, means)
+
+
+def read_folds(
+    sheet: Sequence[Case],
+    folds: Path,
+    *,
+    weeks: Sequence[float],
+    measures: Sequence[str],
+    parcels: str | None,
+    subdivisions: int,
+) -> list[Fold]:
+    """The folds of a cohort at some weeks, of its included cases that have a sphere.
+
+    Parameters
+    ----------
+    folds : output folder of the workflow of cortet
+    parcels : field of the sheet with labels of the surface
+    subdivisions : of the icosahedron that is the common mesh
+
+    Raises
+    ------
+    InputError : no case has a fold at these weeks, or as `on_common`
+    """
+    common, found = icosphere(subdivisions), []
+    for case in sheet:
+        runs = folds.glob(f"{case.folder}/simulation/{case.name}_res-*_desc-*Folded*") if case.include else ()
+        for run, week in itertools.product(sorted(runs), weeks):
+            files = surface_files(run, case.name, week)
+            if case.sphere is None or not files["surface"].is_file():
+                continue
+            row: dict[str, Any] = {"case": case.name, "variant": run.name.rpartition("Folded")[2].lower() or USUAL}
+            row |= {"hemi": case.hemi, "week": week, "scan_age": case.scan_age, **case.extra}
+            labels = case.fields.get(parcels) if parcels else None
+            wanted = {name: files[name] for name in measures}
+            found.append(
+                on_common(row, files["surface"], wanted, Path(case.sphere), common, Path(labels) if labels else None)
+            )
+    if not found:
+        raise InputError(
+            f"no case with a sphere has a fold at {', '.join(f'{week:g}' for week in weeks)} weeks",
+            file=folds,
+            remedy="fold cases with a column sphere, and name the weeks in fold.surfaces",
+        )
+    return found
 
 
 # --- the model
@@ -128,10 +188,10 @@ def design_of(rows: Sequence[Mapping[str, Any]], model: Sequence[str], *, of: st
     InputError : a column is missing, has no value for a fold, holds numbers and words, or does not differ; or the folds
         are too few
     """
-    remedy, begin = "mend biomarkers.model, or the column in the cohort sheet", f"{of}: " if of else ""
+    remedy, begin = "mend population.model, or the column in the cohort sheet", f"{of}: " if of else ""
     if VARIANT in model and len(model) > 1:
         raise InputError(
-            "biomarkers.model: variant compares folds of one case, and other columns compare cases",
+            "population.model: variant compares folds of one case, and other columns compare cases",
             remedy="name variant alone, or leave it out",
         )
     names, columns = [], []
@@ -139,16 +199,16 @@ def design_of(rows: Sequence[Mapping[str, Any]], model: Sequence[str], *, of: st
         values = [str(row.get(name, MISSING)) for row in rows]
         named = [(str(row["case"]), value) for row, value in zip(rows, values, strict=True)]
         if empty := [case for case, value in named if value.lower() in _UNKNOWN or value == "None"]:
-            raise InputError(f"{begin}biomarkers.model: {', '.join(empty)} without a value of {name}", remedy=remedy)
+            raise InputError(f"{begin}population.model: {', '.join(empty)} without a value of {name}", remedy=remedy)
         words = [f"{case} has {value!r}" for case, value in named if name == VARIANT or number(value) is None]
         if 0 < len(words) < len(values):
             raise InputError(
-                f"{begin}biomarkers.model: {name} is a number, but {', '.join(words)}",
+                f"{begin}population.model: {name} is a number, but {', '.join(words)}",
                 remedy="give each case a number or leave it out; for groups, give words alone",
             )
         found = _indicators(values, first=USUAL if name == VARIANT else None, words=bool(words))
         if not found:
-            raise InputError(f"{begin}biomarkers.model: {name} is {values[0]} in all folds", remedy=remedy)
+            raise InputError(f"{begin}population.model: {name} is {values[0]} in all folds", remedy=remedy)
         names += [name if level is None else f"{name}[{level}]" for level in found]
         columns += list(found.values())
     held = list(_indicators([str(row["case"]) for row in rows], words=True).values()) if VARIANT in model else []
@@ -156,7 +216,7 @@ def design_of(rows: Sequence[Mapping[str, Any]], model: Sequence[str], *, of: st
     every = np.column_stack([made.tested, made.held, np.ones(len(rows))])
     if np.linalg.matrix_rank(every) < every.shape[1] or len(rows) < every.shape[1] + 2:
         raise InputError(
-            f"{begin}biomarkers.model: {len(rows)} folds for {every.shape[1]} columns ({', '.join(names)}, the mean"
+            f"{begin}population.model: {len(rows)} folds for {every.shape[1]} columns ({', '.join(names)}, the mean"
             f"{', cases' if held else ''}), which are too few, or say the same",
             remedy="leave out columns, or add cases",
         )
@@ -213,41 +273,37 @@ def effects(
 
 
 def write_population(
-    runs: Sequence[Mapping[str, Any]],
-    measures: Sequence[str],
+    folds: Sequence[Fold],
     model: Sequence[str],
-    outputs: Mapping[str, str],
+    folder: Path,
     *,
     permutations: int,
     seed: int,
-    hemi: Literal["L", "R"] | None,
+    of: str,
 ) -> dict[str, Any]:
     """Write stacks, means, spreads, effects, the order of the folds, PALM's design and a figure; returns a record.
 
     Parameters
     ----------
-    runs : rows of the sheet, one for each fold, with `case`, `variant` and `files`
-    outputs : of `plan.Folds.population_files`
+    of : begin of the names of files
 
     Raises
     ------
-    InputError : as `design_of`, or the folds are on several common meshes
+    InputError : as `design_of`
     """
-    surfaces = [read_surface(run["files"]["surface"]) for run in runs]
-    if len({one.faces.shape for one in surfaces}) > 1:
-        raise InputError("the folds are on several common meshes", remedy="delete their maps and run again")
-    mean = replace(surfaces[0], points=np.mean([one.points for one in surfaces], axis=0))
-    fields = [read_fields(run["files"]["maps"]) for run in runs]
-    design = design_of(runs, model) if model else None
-    columns = [name for name in runs[0] if name != "files"]
-    write_tsv([{name: run[name] for name in columns} for run in runs], columns, Path(outputs["order"]))
-    write_surface(mean, outputs["surface"])
+    rows = [fold.row for fold in folds]
+    design = design_of(rows, model, of=of) if model else None
+    hemi = rows[0]["hemi"]
+    mean = replace(folds[0].surface, points=np.mean([fold.surface.points for fold in folds], axis=0))
+    write_tsv(rows, list(rows[0]), folder / f"{of}.tsv")
+    write_surface(mean, folder / f"{of}_white.surf.gii")
     shown: dict[str, dict[str, NDArray[Any]]] = {}
-    record: dict[str, Any] = {"folds": len(runs), "vertices": len(mean.points), "effects": {}}
-    for name in measures:
-        values = np.stack([one[name].astype(np.float64) for one in fields])
-        stack = {run_name(run): row for run, row in zip(runs, values, strict=True)}
-        write_fields(stack, outputs[f"{name}_stack"], hemisphere=hemi)
+    record: dict[str, Any] = {"folds": len(folds), "vertices": len(mean.points), "effects": {}}
+    for name in folds[0].maps:
+        values = np.stack([fold.maps[name] for fold in folds])
+        plain = name.replace("_", "")
+        stack = {fold.name: one for fold, one in zip(folds, values, strict=True)}
+        write_fields(stack, folder / f"{of}_{plain}.func.gii", hemisphere=hemi)
         maps = {"mean": values.mean(axis=0), "spread": values.std(axis=0, ddof=1 if len(values) > 1 else 0)}
         if design:
             for effect, (t, p) in effects(values, design, permutations=permutations, seed=seed).items():
@@ -256,17 +312,12 @@ def write_population(
                     "smallest_p": float(np.nanmin(p)) if np.isfinite(p).any() else None,
                     "vertices_below_0.05": int((p < _SHOWN).sum()),
                 }
-        write_fields(maps, outputs[f"{name}_maps"], hemisphere=hemi)
+        write_fields(maps, folder / f"{of}_{plain}.shape.gii", hemisphere=hemi)
         shown[name] = maps
     if design:
-        _write_palm(design, Path(outputs["design"]), Path(outputs["contrasts"]))
-    save(population_figure(mean, shown, hemi), outputs["figure"])
+        _write_palm(design, folder / f"{of}_design.mat", folder / f"{of}_design.con")
+    save(population_figure(mean, shown, hemi), folder / f"figure_{of}.png")
     return record
-
-
-def run_name(run: Mapping[str, Any]) -> str:
-    """The name of a fold in a stack."""
-    return str(run["case"]) if run["variant"] == USUAL else f"{run['case']}_{run['variant']}"
 
 
 def _write_palm(design: Design, matrix: Path, contrasts: Path) -> None:
@@ -329,18 +380,41 @@ def _view_of_p(mean: TriSurface, logarithm: NDArray[Any], side: Literal["L", "R"
     return map_view(mean, logarithm, side, (0.0, high), ListedColormap(np.concatenate([below, above])))
 
 
-def write_values(runs: Sequence[Mapping[str, Any]], record: Mapping[str, Any], table: Path, sidecar: Path) -> None:
-    """Write the table of all means over parcels, and its sidecar with the record of the model."""
-    rows = [
-        {
-            **{key: run[key] for key in ("case", "variant", "hemi", "week")},
-            "parcel": row["parcel"],
-            "measure": row["measure"],
-            "value": None if row["value"] == MISSING else float(row["value"]),
-        }
-        for run in runs
-        for row in read_tsv(Path(run["files"]["parcels"])).to_dict("records")
-    ]
-    write_table(COLUMNS, rows, table, sidecar)
-    said = json.loads(sidecar.read_text(encoding="utf-8"))
-    write_json({**said, "Model": record}, sidecar)
+def write_study(
+    sheet: Sequence[Case],
+    folds: Path,
+    folder: Path,
+    *,
+    weeks: Sequence[float],
+    model: Sequence[str] = (),
+    parcels: str | None = None,
+    measures: Sequence[str] = ("depth", "area_growth"),
+    subdivisions: int = 6,
+    permutations: int = 1000,
+    seed: int = 0,
+) -> None:
+    """Write `population.tsv`, its sidecar with the record of the model, and files for each hemisphere and week.
+
+    Parameters
+    ----------
+    folds : output folder of the workflow of cortet
+    model : columns of the sheet; `variant` alone compares variants of a fold within cases; empty: means and spread only
+
+    Raises
+    ------
+    InputError : as `read_folds` and `design_of`
+    """
+    read = read_folds(sheet, folds, weeks=weeks, measures=measures, parcels=parcels, subdivisions=subdivisions)
+    groups: dict[str, list[Fold]] = {}
+    for fold in read:
+        if VARIANT in model or fold.row["variant"] == USUAL:
+            groups.setdefault(f"hemi-{fold.row['hemi']}_week-{fold.row['week']:g}", []).append(fold)
+    folder.mkdir(parents=True, exist_ok=True)
+    record: dict[str, Any] = {"model": list(model), "permutations": permutations, "seed": seed}
+    for of, some in groups.items():
+        record[of] = write_population(some, model, folder, permutations=permutations, seed=seed, of=of)
+    keys = ("case", "variant", "hemi", "week")
+    rows = [{**{key: fold.row[key] for key in keys}, **mean} for fold in read for mean in fold.means]
+    write_table(COLUMNS, rows, folder / "population.tsv", folder / "population.json")
+    said = json.loads((folder / "population.json").read_text(encoding="utf-8"))
+    write_json({**said, "Model": record}, folder / "population.json")

@@ -12,21 +12,19 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from prediction import Prediction
+from series import Series, aligned
 
 from cortet.folding.fields import growth_field
 from cortet.folding.fold_figures import weeks
 from cortet.folding.fold_views import Brain, Row, brain_of, centre, extent, sheet, sides, view
-from cortet.folding.longitudinal import Series, aligned
 from cortet.folding.measurements import depth_below_hull, shape, smoothed_curvature
-from cortet.folding.prediction import Prediction
 from cortet.formats.gifti import read_surface, write_fields, write_surface
 from cortet.formats.tables import Column, names
 from cortet.meshes import FloatArray, TriSurface
 from cortet.report.colours import BLUE, GREEN, VERMILION
 from cortet.report.figures import PAGE, drawn, letter, save
 from cortet.report.table_files import Table, write
-
-VERSION: int = 2
 
 #: prefix of the names of predicted surfaces
 _PREDICTED = "predicted_"

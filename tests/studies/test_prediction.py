@@ -10,18 +10,9 @@ import nibabel
 import numpy as np
 import pandas as pd
 import pytest
+from carried import carried
 from numpy.typing import NDArray
-from shapes import ball_mesh, ball_surface
-
-from cortet.errors import InputError
-from cortet.folding.carried import carried
-from cortet.folding.fields import growth_field
-from cortet.folding.fold import fold
-from cortet.folding.growth import AREA, usual
-from cortet.folding.journal import SERIES
-from cortet.folding.journal import series as frames_of
-from cortet.folding.longitudinal import Series, lobes_of, series_of
-from cortet.folding.prediction import (
+from prediction import (
     KINDS,
     _of_braingrowth,
     corrected,
@@ -31,8 +22,16 @@ from cortet.folding.prediction import (
     shuffled_growth,
     uniform_growth,
 )
-from cortet.folding.prediction_spread import checked, spreads
-from cortet.folding.prediction_tables import correlation, predicted_surfaces, scores, write_prediction, write_run
+from prediction_spread import checked, spreads
+from prediction_tables import correlation, predicted_surfaces, scores, write_prediction, write_run
+from series import Series, lobes_of, series_of
+
+from cortet.errors import InputError
+from cortet.folding.fields import growth_field
+from cortet.folding.fold import fold
+from cortet.folding.growth import AREA, usual
+from cortet.folding.journal import SERIES
+from cortet.folding.journal import series as frames_of
 from cortet.folding.section import Settings
 from cortet.folding.surface_growth import area_ratio, fitted
 from cortet.formats import vtu
@@ -40,6 +39,7 @@ from cortet.formats.gifti import write_fields, write_surface
 from cortet.geometry.topology import boundary_surface
 from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.stages.transfer import transfer
+from tests.unit.shapes import ball_mesh, ball_surface
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 SETTINGS = Settings(

@@ -19,7 +19,6 @@ from cortet.folding.body import scale_of
 from cortet.folding.medial_wall import medial_wall
 from cortet.folding.surface_growth import check_corresponding, through_spheres, vertex_areas
 from cortet.formats.gifti import read_fields, read_label_names, read_surface
-from cortet.formats.placement import placed
 from cortet.geometry.topology import enclosed_volume
 from cortet.meshes import FloatArray, TriSurface
 
@@ -92,15 +91,13 @@ def series_of(
 def read_series(
     files: Mapping[float, Path],
     spheres: Sequence[Path],
-    placement: Sequence[Sequence[float]] | None,
     hemisphere: str | None,
     labels: Path | None = None,
 ) -> Series:
-    """The series of some files by ascending age, with one sphere for each file or none at all.
+    """The series of some files by ascending age, in mm, with one sphere for each file or none at all.
 
     Parameters
     ----------
-    placement : matrix that maps the coordinates of the files to mm; None: they are mm
     labels : file with a label for each vertex of the first surface, such as its lobe
 
     Raises
@@ -108,7 +105,7 @@ def read_series(
     InputError : a file cannot be read, vertices correspond neither by number nor through spheres, or labels are of
         another surface
     """
-    surfaces = [placed(read_surface(path), placement) for path in files.values()]
+    surfaces = [read_surface(path) for path in files.values()]
     own = [read_surface(path) for path in spheres]
     if own and any(not np.array_equal(surface.faces, surfaces[0].faces) for surface in surfaces):
         surfaces = [through_spheres(surface, sphere, own[0]) for surface, sphere in zip(surfaces, own, strict=True)]
@@ -129,12 +126,10 @@ def lobes_of(labels: Path, count: int) -> dict[str, NDArray[np.bool_]]:
         raise InputError(
             f"has {len(values)} labels, but the first surface of the series has {count} vertices",
             file=labels,
-            remedy="name labels of this very surface in the column field_label",
+            remedy="name labels of this very surface",
         )
     if not (np.isfinite(values).all() and (values == np.round(values)).all()):
-        raise InputError(
-            "has values that are not whole numbers", file=labels, remedy="name labels in the column field_label"
-        )
+        raise InputError("has values that are not whole numbers", file=labels, remedy="name a file of labels")
     names, lobes = read_label_names(labels), dict[str, NDArray[np.bool_]]()
     for key in map(int, np.unique(values[values > 0])):
         name = names.get(key, f"{key}")

@@ -1,5 +1,6 @@
-"""Synthetic brains of two groups: in group b the cortex of one quarter does not grow (docs/population.md)."""
+"""Synthetic brains of two groups: in group b the cortex of one quarter does not grow (README.md)."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,6 @@ for number in range(10):
     write_fields({"growth": growth}, files["growth"])
     write_fields({"parcel": parcel.astype(np.int32)}, files["parcel"])
     fields = {"growth": files["growth"], "parcel": files["parcel"]}
-    more = {"sphere": files["sphere"], "fields": fields, "extra": {"group": group}}
-    cases.append(Case(f"{number:02}", None, "L", 28, files["surf"], **more))
+    case = Case(f"{number:02}", None, "L", 28, files["surf"], sphere=files["sphere"], fields=fields)
+    cases.append(replace(case, extra={"group": group}))
 write_sheet(cases, Path("population/cohort.tsv"))

@@ -38,8 +38,6 @@ from cortet.report.colours import BLUE, GREEN, VERMILION
 from cortet.report.figures import PAGE, H, drawn, letter, save
 from cortet.report.table_files import Table, mean_and_sd, write
 
-VERSION: int = 5
-
 #: relative difference from the limit up to which a number counts as converged
 TOLERANCE = 0.05
 #: plausible orders of convergence; others come from chance or from cells that are far too large

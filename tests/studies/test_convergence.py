@@ -9,10 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from shapes import ball_mesh, ball_surface
-
-from cortet.folding.carried import carried
-from cortet.folding.convergence import (
+from carried import carried
+from convergence import (
     QUANTITIES,
     Run,
     convergence_table,
@@ -23,8 +21,10 @@ from cortet.folding.convergence import (
     sentence,
     write_convergence,
 )
+
 from cortet.formats.gifti import write_surface
 from cortet.formats.tsv import read_tsv, write_tsv
+from tests.unit.shapes import ball_mesh, ball_surface
 
 SIZES = [1.6, 1.2, 0.9]
 

@@ -1,0 +1,77 @@
+"""The studies run on phantoms by their own Snakefile: every realisation and kind, one table each."""
+
+from __future__ import annotations
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from cortet.formats.gifti import write_fields, write_surface
+from cortet.phantoms import phantom, phantom_with_sphere
+
+ROOT = Path(__file__).parents[2]
+FOLD = {"allow_volume": True, "end": 24.3, "thickness": 3.0, "frame_interval": 0.3}
+
+
+def run(folder: Path, config: dict[str, Any]) -> str:
+    """Run the studies in a folder; what Snakemake said."""
+    (folder / "studies.yaml").write_text(yaml.safe_dump({"output": "results", **config}))
+    command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "studies/Snakefile"), "--cores", "2"]
+    command += ["--configfile", "studies.yaml", "--show-failed-logs"]
+    done = subprocess.run(command, check=False, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout + done.stderr
+
+
+def rows_of(table: Path) -> list[dict[str, str]]:
+    with table.open(newline="") as file:
+        return list(csv.DictReader(file, delimiter="\t"))
+
+
+def test_cell_sizes_and_realisations_are_folded_and_compared(tmp_path: Path) -> None:
+    write_surface(phantom(24.0, subdivisions=4), tmp_path / "a.surf.gii")
+    sizes = {"cell_size": [6.0, 5.0], "seeds": [0, 1], "meshers": ["lattice"]}
+    study = {"surfaces": {"a": {"surface": "a.surf.gii", "ga": 24, "hemi": "L"}}, **sizes}
+    config = {"settings": {"fold": FOLD}, "convergence": study}
+    run(tmp_path, config)
+    records = [json.loads(path.read_text()) for path in sorted(tmp_path.glob("results/convergence/*/record.json"))]
+    assert [record["outcome"] for record in records] == ["folded"] * 4
+    assert records[0]["tets"] != records[1]["tets"]  # another direction of the lattice
+    rows = rows_of(tmp_path / "results/table-convergence.tsv")
+    assert [(float(row["cell_size_mm"]), row["runs"]) for row in rows] == [(6.0, "2"), (5.0, "2")]
+    assert "of the thickness" in (tmp_path / "results/convergence.txt").read_text()
+    assert "Nothing to be done" in run(tmp_path, config)
+
+
+def test_later_surfaces_of_a_series_are_predicted_and_compared(tmp_path: Path) -> None:
+    files = {}
+    for age in (24.0, 24.5):
+        surface, sphere = phantom_with_sphere(age, hemisphere="L", subdivisions=4)
+        files[age] = f"{age}.surf.gii"
+        write_surface(surface, tmp_path / files[age])
+        write_surface(sphere, tmp_path / f"{age}.sphere.gii")
+    upper = phantom(24.0, subdivisions=4).points[:, 2] > 0
+    write_fields({"label": np.where(upper, 1, 2).astype(np.int32)}, tmp_path / "lobes.label.gii")
+    series = {"hemi": "L", "surfaces": files, "labels": "lobes.label.gii"}
+    series |= {"spheres": [f"{age}.sphere.gii" for age in files]}
+    study = {"series": {"a": series}, "cell_size": 5.0, "rounds": 2, "until": 24.5, "seed": 0}
+    study |= {"kinds": ["mechanics", "path", "nothing"], "uncertain": ["mechanics"]}
+    study |= {"variants": {"coarser": {"cell_size": 6.0, "core_stiffness": 0.3}}}
+    run(tmp_path, {"settings": {"fold": {**FOLD, "frame_interval": 0.1}}, "prediction": study})
+    folder = tmp_path / "results/prediction"
+    records = {path.parent.name: json.loads(path.read_text()) for path in folder.glob("*/record.json")}
+    assert set(records) == {f"a_desc-{kind}" for kind in ("mechanics", "mechanicsCoarser", "path", "nothing")}
+    assert records["a_desc-mechanics"]["verdict"]["outcome"] == "folded"
+    assert [len(records[f"a_desc-{kind}"]["residuals"]) for kind in ("mechanics", "path", "nothing")] == [2, 0, 0]
+    rows = rows_of(tmp_path / "results/table-prediction.tsv")
+    table = {row["kind"]: row for row in rows if row["lobe"] == "n/a"}
+    assert [row["lobe"] for row in rows if row["kind"] == "path"] == ["n/a", "1", "2"]
+    assert float(table["path"]["gained_depth"]) == 1  # it knows the surface that it predicts
+    assert float(table["mechanics"]["depth_sd_mm"]) > 0 and table["path"]["depth_sd_mm"] == "n/a"
+    assert (folder / "a_desc-mechanics/spread.png").exists() and (folder / "a_desc-path/errors.png").exists()
