@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from cortet.cohort.plan import Plan
     from cortet.cohort.sheet import Case
     from cortet.config import Config
-    from cortet.report.over_all import Result
+    from cortet.report.over_all import Results
     from cortet.report.pages import Panel
     from cortet.sections import Cost, Section
     from cortet.stages.stage import Step
@@ -32,10 +32,13 @@ _PACKAGE = Path(__file__).parent
 class OnPage:
     """What a neighbour adds to the page of all cases."""
 
-    #: files that its panels are made from; the page names the tables among them
+    #: files that it makes for its panels; the page names the tables among them
     files: Sequence[str]
-    #: what its panels depend on besides the files
+    #: files that these are made from, and what they depend on besides
+    inputs: Sequence[str]
     facts: Any
+    #: makes the files
+    write: Callable[[], None]
     #: the panels, once the files are there
     panels: Callable[[], list[Panel]]
 
@@ -83,14 +86,14 @@ class Neighbour:
         """Its files of single cases that a whole run makes."""
         return []
 
-    def results(self, _: Plan) -> list[Result]:
-        """Its tables and figures over all cases.
+    def results(self, _: Plan) -> Mapping[str, Results]:
+        """Its tables and figures over all cases, by their rules.
 
         Raises
         ------
         InputError : the configuration asks for what the sheet does not allow
         """
-        return []
+        return {}
 
     def before(self, _: Plan, _asked: Collection[str]) -> list[str]:
         """What should be known before a run that asks for some rules, in words."""

@@ -1,4 +1,4 @@
-"""Tables, figures and pages over all cases (cortet.report.over_all).
+"""Tables, figures and the page over all cases (cortet.report.over_all).
 
 Their inputs are functions: every job of a cluster reads these rules, and should not list the files of all cases.
 """
@@ -21,35 +21,47 @@ rule dataset_description:
         "../scripts/dataset_description.py"
 
 
-for result in RESULTS:
-
-    rule:
-        """A table, a figure or a page over all cases."""
-        name:
-            result.rule
-        input:
-            files=partial(made_from, result),
-            reported=existing(f"{OUT}/{REPORTED}"),
-        output:
-            [in_report(result, path) for path in result.files],
-        log:
-            LAYOUT.log(result.rule, ()),
-        benchmark:
-            took(result.rule, ())
-        localrule: result.minutes <= 20
-        resources:
-            mem_mb=result.memory_mb,
-            runtime=result.minutes,
-        params:
-            **({"journal": CONFIG.figures.journal} if result.is_drawn else {}),
-            facts=partial(facts_of, result),
-            made_from=partial(names_of, result),
-            version=versions(*result.code),
-        script:
-            "../scripts/over_all.py"
+rule cohort_tables:
+    """Quality, summary, stages, tissues and states of all cases, and the citation of the run."""
+    input:
+        **of_all("cohort_tables"),
+    output:
+        in_report("cohort_tables"),
+    log:
+        LAYOUT.log("cohort_tables", ()),
+    benchmark:
+        took("cohort_tables", ())
+    localrule: True
+    params:
+        facts=facts_of("cohort_tables"),
+        version=versions("report.cohort_tables", "report.records", "report.table_files", "report.methods"),
+    script:
+        "../scripts/over_all.py"
 
 
+rule cohort_page:
+    """The page of all cases, its figure, and means on the common mesh."""
+    input:
+        **of_all("cohort_page"),
+    output:
+        in_report("cohort_page"),
+    log:
+        LAYOUT.log("cohort_page", ()),
+    benchmark:
+        took("cohort_page", ())
+    resources:
+        mem_mb=4000,
+        runtime=60,
+    params:
+        facts=facts_of("cohort_page"),
+        version=versions("report.pages", "report.figures", "report.cohort_maps", "folding.cohort_folding"),
+    script:
+        "../scripts/over_all.py"
+
+
+#: files that a whole run makes over all cases, and a page for each case
 COHORT_FILES = [
-    *OVER_ALL.of(*OF_COHORT),
+    *RESULTS["cohort_tables"].files,
+    *RESULTS["cohort_page"].files,
     *PLAN.each_case(LAYOUT.case_page).values(),
 ]

@@ -8,6 +8,7 @@ are `derived`.
 import os
 import re
 from dataclasses import replace
+from fnmatch import fnmatch
 from functools import partial
 from pathlib import Path
 
@@ -27,7 +28,7 @@ from cortet.config import keys_not_given, read, version_of
 from cortet.errors import CortetError
 from cortet.meshers import OWN
 from cortet.neighbours import neighbours
-from cortet.report.over_all import OF_COHORT, REPORTED, OverAll, plan_of
+from cortet.report.over_all import REPORTED, plan_of, results
 from cortet.stages import STAGES
 
 
@@ -47,9 +48,8 @@ try:
         require_own_output(PLAN.config.output, PLAN.config.cohort.dataset)
         if not is_held_by_parent():
             require_free(PLAN.config.output)
-    OVER_ALL = OverAll(PLAN)
     CONFIG, SETTINGS, CASES = PLAN.config, PLAN.settings, PLAN.cases
-    RESULTS = OVER_ALL.results
+    RESULTS = results(PLAN)
 except CortetError as error:
     raise WorkflowError(str(error)) from None
 DEFAULTS = keys_not_given(config, GIVEN) if "sheet" in GIVEN.get("cohort", {}) else []
@@ -78,6 +78,15 @@ MESH = (*SURFACE, "res", "mesher", "setting")
 SHARED_MESH = (*SURFACE, "res", "mesher")
 #: rules over all cases that this run asks for
 ASKED = set()
+#: names of files that Snakemake's report shows -> captions in reports/
+CAPTIONS = {
+    "cohort_quality.html": "cohort_quality",
+    "figure-cohort.svg": "cohort_figure",
+    "figure-maps_*.png": "cohort_maps",
+    "cohort_folding.svg": "cohort_folding",
+    "figure-pooled-quality_*.svg": "figure_pooled_quality",
+    "figure-series.svg": "figure_series",
+}
 
 
 wildcard_constraints:
@@ -167,23 +176,31 @@ def asked(rule):
     }
 
 
-def made_from(result, wildcards):
-    ASKED.add(result.rule)
-    return list(result.inputs())
+def of_all(rule):
+    """Inputs of a rule over all cases; a job that asks for them says so in ASKED."""
+
+    def files(_):
+        ASKED.add(rule)
+        return list(RESULTS[rule].inputs())
+
+    return {"files": files, "reported": existing(f"{OUT}/{REPORTED}")}
 
 
-def names_of(result, wildcards):
-    """Names of the files that a result over all cases is made from, below the output folder."""
-    return [Path(os.path.relpath(path, OUT)).as_posix() for path in result.inputs()]
+def facts_of(rule):
+    """Facts that the files of a rule over all cases depend on, and the names of its inputs."""
+
+    def facts(_):
+        names = (Path(os.path.relpath(path, OUT)).as_posix() for path in RESULTS[rule].inputs())
+        return [RESULTS[rule].facts(), *names]
+
+    return facts
 
 
-def facts_of(result, wildcards):
-    return result.facts()
+def in_report(rule):
+    """The outputs of a rule over all cases; Snakemake's report shows those that have a caption."""
 
+    def shown(path):
+        caption = next((CAPTIONS[name] for name in CAPTIONS if fnmatch(Path(path).name, name)), None)
+        return report(path, caption=f"../reports/{caption}.rst", category="Cohort") if caption else path
 
-def in_report(result, path):
-    """An output, as Snakemake's report shows it."""
-    if path not in result.shown:
-        return path
-    category, labels = result.shown[path]
-    return report(path, caption=f"../reports/{result.caption}.rst", category=category, labels=labels)
+    return [shown(path) for path in RESULTS[rule].files]

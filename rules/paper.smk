@@ -8,23 +8,44 @@ from cortet.paper.experiments import Experiments
 EXPERIMENTS = Experiments(PLAN)
 
 
-localrules:
-    tables,
-    figures,
-
-
 rule tables:
     """Tables of the paper's experiments, and a methods paragraph."""
     input:
-        COHORT_FILES,
-        OVER_ALL.of("table_ablation", "table_resolution", "table_measures", "methods"),
+        **of_all("tables"),
+        cohort=ancient(COHORT_FILES),
+    output:
+        in_report("tables"),
+    log:
+        LAYOUT.log("tables", ()),
+    benchmark:
+        took("tables", ())
+    localrule: True
+    params:
+        facts=facts_of("tables"),
+        version=versions("paper.ablation", "paper.mesh_tables", "report.table_files", "report.methods"),
+    script:
+        "../scripts/over_all.py"
 
 
 rule figures:
     """Figures of the paper's experiments."""
     input:
-        OVER_ALL.of("cohort_figure", "figure_series"),
-        OVER_ALL.of(*(f"figure_pooled_quality_{res}" for res in EXPERIMENTS.ablation_cases)),
+        **of_all("figures"),
+        cohort=ancient(COHORT_FILES),
+    output:
+        in_report("figures"),
+    log:
+        LAYOUT.log("figures", ()),
+    benchmark:
+        took("figures", ())
+    resources:
+        mem_mb=8000,
+        runtime=50,
+    params:
+        facts=facts_of("figures"),
+        version=versions("paper.pooled_quality", "paper.series", "report.figures", "report.render"),
+    script:
+        "../scripts/over_all.py"
 
 
 checkpoint baseline:

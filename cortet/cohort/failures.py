@@ -6,15 +6,14 @@ certificate records the present settings and the present files of the user.
 
 from __future__ import annotations
 
-import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from cortet.cohort.jobs import Mesh
-from cortet.cohort.layout import EXPORTED, LABELS
+from cortet.cohort.layout import EXPORTED
 from cortet.cohort.outdated import earlier_results, first_other_stage
 from cortet.cohort.plan import AFTER_CERTIFICATE, Plan
 from cortet.cohort.status import STOPPED, failure_reason
@@ -31,9 +30,6 @@ ORDER = (
 )
 #: why a mesh with a certificate is unfinished
 _OTHER = "its mesh was made with other settings, or of another surface, than the present ones"
-#: labels of stages and neighbours in names of files
-_OF_NEIGHBOURS = [neighbour.label for neighbour in neighbours() if neighbour.label]
-_LABEL = "|".join([*LABELS.values(), *_OF_NEIGHBOURS])
 
 
 @dataclass(frozen=True)
@@ -91,7 +87,7 @@ def with_failures(plan: Plan, *, ended: bool = True) -> Plan:
     for mesh in plan.each_case(plan.layout.certificate):
         if state := _state(plan, mesh, by_case.get(mesh[0], [])):
             known[mesh] = state | earlier_results(plan, plan.cases[mesh[0]])
-    return replace(plan, failures=known, missing=_missing(found))
+    return replace(plan, failures=known, failed=found)
 
 
 def _state(plan: Plan, mesh: Mesh, of_case: Sequence[Failure]) -> dict[str, Any] | None:
@@ -150,33 +146,20 @@ def _counts(plan: Plan, job: Mapping[str, str], failure: Failure) -> bool:
     return asked.get(rule, True) and (stage is None or stage in plan.line(job)) and (not region or region in case.inner)
 
 
-def _missing(found: Sequence[Failure]) -> Callable[[str], str | None]:
-    """A function that says why a file is missing: it was not made, or an earlier stage of its mesh failed since."""
+def why_missing(plan: Plan, path: str, rule: str, job: Mapping[str, object]) -> str | None:
+    """Why a file cannot be used: it was not made, or an earlier stage of its mesh has failed since; None if it can.
 
-    def reason(path: str) -> str | None:
-        label = re.search(rf"_desc-[a-z0-9]+\w*?({_LABEL})(?=[_/A-Z])", path)
-        last = ORDER.index(_RULE_OF[label[1]]) if label and label[1] in _RULE_OF else len(ORDER)
-        causes = (one for one in found if _names(one, path))
-        exists = Path(path).exists()
-        for cause in causes:
-            before = ORDER.index(cause.rule) < last and cause.rule not in AFTER_CERTIFICATE
-            if before or not exists:
-                return f"{cause.rule}: {cause.problem or cause.reason}"
-        return None if exists else "the run ended before"
-
-    return reason
-
-
-#: label of a mesh in names of files -> rule that makes it
-_RULE_OF = {label: name for name, label in LABELS.items()}
-
-
-def _names(failure: Failure, path: str) -> bool:
-    """Whether a file is of the mesh that a job worked for."""
-    of = failure.wildcards
-    words = [rf"\b{re.escape(of['case'])}_"]
-    words += [rf"_res-{of['res']}um_"] if "res" in of else []
-    words += [rf"_desc-{of['mesher']}{of['setting']}({_LABEL})" if "setting" in of else ""] if "mesher" in of else []
-    words += [rf"_desc-{of['mesher']}"] if "mesher" in of and "setting" not in of else []
-    words += [rf"({'|'.join(_OF_NEIGHBOURS)}){of['variant']}/"] if "variant" in of else []
-    return all(re.search(word, path) for word in words)
+    Parameters
+    ----------
+    plan : with its failures; while a run is planned, no file is missing
+    rule : that makes the file
+    job : wildcards of that job
+    """
+    if plan.failed is None:
+        return None
+    exists = Path(path).exists()
+    for cause in plan.failed:
+        before = ORDER.index(cause.rule) < ORDER.index(rule) and cause.rule not in AFTER_CERTIFICATE
+        if cause.is_about(**job) and (before or not exists):
+            return f"{cause.rule}: {cause.problem or cause.reason}"
+    return None if exists else "the run ended before"

@@ -47,8 +47,8 @@ class Jobs:
     sheet: Sequence[Case]
     #: mesh -> how it failed: `stage`, `state`, `reason`, `log`; empty while a run is planned
     failures: Mapping[Mesh, Mapping[str, Any]] = field(default_factory=dict)
-    #: says why a file over all cases cannot use another; nothing is missing while a run is planned
-    missing: Callable[[str], str | None] = lambda _: None
+    #: jobs that failed (`failures.Failure`), in the order of the line; None while a run is planned
+    failed: Sequence[Any] | None = None
     #: output of a checkpoint of Snakemake, by its rule and wildcards, for which a run waits; None: as it lies there
     waited_for: Callable[..., str] | None = None
     #: names of the cases that a run is asked for; None: all

@@ -5,7 +5,6 @@ The rules ask a `Plan` and hold no logic of their own.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -73,10 +72,6 @@ class Plan(Jobs):
         """Wildcards of the jobs on a mesh of the line."""
         case, res, mesher = mesh
         return {"folder": self.cases[case].folder, "case": case, "res": str(res), "mesher": mesher, "setting": ""}
-
-    def made(self, paths: Iterable[str]) -> list[str]:
-        """The files that are not missing."""
-        return [path for path in paths if not self.missing(path)]
 
     def unmeasured(self) -> dict[str, str]:
         """Why cases have no certificate, by their names, without what to do about it."""

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
     from cortet.cohort.plan import Plan
     from cortet.cohort.sheet import Case
-    from cortet.report.over_all import Result
     from cortet.sections import Cost, Section
     from cortet.stages.stage import Step
 
@@ -66,12 +65,6 @@ class Folding(Neighbour):
         from cortet.folding.plan import Folds
 
         return Folds(plan).files()
-
-    def results(self, plan: Plan) -> list[Result]:
-        """All folds."""
-        from cortet.folding.results import results
-
-        return results(plan)
 
     def on_page(self, plan: Plan) -> OnPage | None:
         """Curves and table of all folds."""

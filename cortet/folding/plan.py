@@ -74,6 +74,11 @@ class Folds:
             if case in self.folded
         }
 
+    def job(self, run: Mapping[str, Any]) -> dict[str, str]:
+        """Wildcards of the job of a row of `runs`."""
+        mesh = self.plan.job((run["case"], round(1000 * run["cell_size_mm"]), run["mesher"]))
+        return mesh | {"variant": (run["variant"] or "").capitalize()}
+
     def files(self) -> list[str]:
         """Pictures of the requested folds, and their surfaces."""
         names = ("folding.svg", "folded.png", "folding.gif")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from cortet.cohort.failures import why_missing
 from cortet.cohort.layout import LABELS, SHARED, file_of
 from cortet.cohort.plan import Plan
 from cortet.cohort.resources import cost
@@ -28,6 +29,8 @@ ABLATED = {
 }
 #: asks for what the paper compares
 _PAPER = "--config experiments='{settings: [default, cgal, published], ablation: {meshers: [cgal, tetgen]}}'"
+#: label of a stage -> its rule
+_RULES = {label: stage for stage, label in LABELS.items()}
 #: case, cell size in µm and mesher
 OfCase = tuple[Case, int, str]
 #: path of a quality record -> its origin, so that a table can also say whose record is missing
@@ -83,20 +86,20 @@ class Experiments:
             (case, res, mesher) for res, cases in self.ablation_cases.items() for case in cases for mesher in meshers
         ]
 
-    def ablation_reports(self) -> list[str]:
+    def ablation_reports(self) -> Records:
         """What S1 reported of every mesh; with these as inputs the meshers run at once, not one after the other."""
-        meshes = self.ablated([*self.own_meshers, *self.compared_meshers])
-        return [*map(self._report, meshes)]
+        label, meshes = STAGES["generate"].label, self.ablated([*self.own_meshers, *self.compared_meshers])
+        return {self._report(mesh): self.plan.origin_of_mesh(label, mesh[0].name, mesh[1], mesh[2]) for mesh in meshes}
 
-    def ablation_records(self) -> list[str]:
+    def ablation_records(self) -> Records:
         """Quality records of the ablation, without those of meshers of other projects that made no mesh."""
         made = [mesh for mesh in self.ablated(self.compared_meshers) if self._is_made(mesh)]
-        return [*self.records_of([*self.ablated(self.own_meshers), *made])]
+        return self.records_of([*self.ablated(self.own_meshers), *made])
 
     def ablation_asked(self) -> Records:
         """As `ablation_records`, with those of meshers of other projects that did not say what they made."""
         others = self.ablated(self.compared_meshers)
-        silent = [mesh for mesh in others if self.plan.missing(self._report(mesh)) or self._is_made(mesh)]
+        silent = [mesh for mesh in others if self._why(self._report(mesh), "generate", mesh) or self._is_made(mesh)]
         return self.records_of([*self.ablated(self.own_meshers), *silent])
 
     def references(self) -> dict[str, Path]:
@@ -149,12 +152,13 @@ class Experiments:
             key = (case.participant, case.session)
             patterns = (plan.layout.mesh("Solver"), plan.layout.certificate)
             mesh, certificate = (file_of(one, case, plan.resolutions[0], self.mesher_of[""]) for one in patterns)
-            if key in wanted and not plan.missing(mesh):
+            place = (case, plan.resolutions[0], self.mesher_of[""])
+            if key in wanted and not self._why(mesh, "solver_ready", place):
                 name = f"sub-{case.participant}" + (f", ses-{case.session}" if case.session else "")
                 new: dict[str, Any] = {"name": name, "age": case.scan_age, "meshes": {}, "certificates": {}}
                 brain = brains.setdefault(key, new)
                 brain["meshes"][case.hemi or "n/a"] = mesh
-                if not plan.missing(certificate):
+                if not self._why(certificate, "certify", place):
                     brain["certificates"][case.hemi or "n/a"] = certificate
         return sorted(
             brains.values(), key=lambda one: (one["age"] is None, one["age"] or 0, list(one["meshes"].values()))
@@ -186,8 +190,24 @@ class Experiments:
 
     def missing(self, records: Records) -> list[dict[str, Any]]:
         """Whose the records are that are missing, and why."""
-        reasons = ((origin, self.plan.missing(path)) for path, origin in records.items())
+        reasons = ((origin, self._why_of(path, origin)) for path, origin in records.items())
         return [{"origin": origin, "reason": reason} for origin, reason in reasons if reason]
+
+    def made(self, records: Records) -> list[str]:
+        """The records that are not missing."""
+        return [path for path, origin in records.items() if not self._why_of(path, origin)]
+
+    def _why_of(self, path: str, origin: Mapping[str, Any]) -> str | None:
+        """Why a record is missing, from its origin."""
+        case, res = self.plan.cases[origin["case"]], round(1000 * origin["cell_size_mm"])
+        named = {setting.setting: name for name, setting in self.plan.settings.items()}
+        rule = "certify" if path.endswith("certificate.json") else _RULES[origin["stage"]]
+        return self._why(path, rule, (case, res, origin["mesher"]), named.get(origin["setting"], ""))
+
+    def _why(self, path: str, rule: str, mesh: OfCase, setting: str = "") -> str | None:
+        case, res, mesher = mesh
+        job = {"folder": case.folder, "case": case.name, "res": res, "mesher": mesher, "setting": setting}
+        return why_missing(self.plan, path, rule, job)
 
     def _cases(self, which: Cases) -> list[Case]:
         """Cases of an experiment, without those with inner surfaces, which the meshers compared do not know."""

@@ -10,7 +10,7 @@ from cortet.neighbours import Neighbour
 if TYPE_CHECKING:
     from cortet.cohort.plan import Plan
     from cortet.config import Config
-    from cortet.report.over_all import Result
+    from cortet.report.over_all import Results
     from cortet.sections import Section
 
 
@@ -37,9 +37,9 @@ class Paper(Neighbour):
         """What the meshes of the experiments cost."""
         from cortet.paper.experiments import Experiments
 
-        return Experiments(plan).costs() if any(rule.startswith("table_") for rule in asked) else []
+        return Experiments(plan).costs() if "tables" in asked else []
 
-    def results(self, plan: Plan) -> list[Result]:
+    def results(self, plan: Plan) -> Mapping[str, Results]:
         """Tables and figures."""
         from cortet.paper.results import results
 

@@ -2,138 +2,91 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
+from dataclasses import asdict
 from typing import Any
 
 from cortet.cohort.plan import Plan
-from cortet.paper.experiments import Experiments
-from cortet.report.over_all import Result, files
+from cortet.paper.experiments import Experiments, Records
+from cortet.report.over_all import Results, files_of
+
+#: tables of the paper, which are written in these forms
+_TABLES = ("table-ablation", "table-resolution", "table-measures")
+_FORMS = (".tsv", ".json", ".tex", ".md")
+_PICTURES = (".svg", ".pdf", ".png")
 
 
-def _table(
-    plan: Plan, rule: str, inputs: Callable[[], Iterable[str]], write: Callable[..., None], **more: Any
-) -> Result:
-    """A table of the paper: a page for Snakemake's report, TSV, sidecar, LaTeX and Markdown."""
-    made = files(plan, rule.replace("_", "-"), ".html", ".tsv", ".json", ".tex", ".md")
-    shown = {made[0]: ("Tables", {"table": more.pop("label")})}
-    code = (more.pop("code"), "report.table_files")
-    return Result(rule, made, inputs, lambda: write(made), code, shown, caption=rule, **more)
+def results(plan: Plan) -> dict[str, Results]:
+    """The tables with the methods paragraph, and the figures."""
+    return {"tables": tables(plan), "figures": figures(plan)}
 
 
-def results(plan: Plan) -> list[Result]:
-    """The tables, the figures of pooled quality, one per cell size, and the series."""
+def tables(plan: Plan) -> Results:
+    """Ablation, cell size, other measures, and the methods paragraph."""
     of = Experiments(plan)
-    config, ages = plan.config, {case.name: case.scan_age for case in plan.cases.values()}
+    files = {name: files_of(plan, name, *_FORMS) for name in _TABLES}
+    methods = files_of(plan, "methods", ".md")
     references = [plan.layout.cohort(f"reference-{name}_quality.json") for name in of.references()]
 
-    def ablation(outputs: Sequence[str]) -> None:
-        from cortet.paper.ablation import write_ablation
+    def inputs() -> list[str]:
+        last = {**of.resolution_records(), **of.measures_records()}
+        ablation = [*of.ablation_records(), *of.ablation_reports(), *references]
+        return list(dict.fromkeys([*ablation, *last, *of.certificates(last), *plan.measured_certificates()]))
 
-        write_ablation(
-            plan.made(of.ablation_records()),
-            plan.made(of.ablation_reports()),
-            of.missing(of.ablation_asked()),
-            references,
-            outputs,
+    def write() -> None:
+        from cortet.paper.ablation import write_ablation
+        from cortet.report.methods import write_methods
+
+        made, reports = of.made(of.ablation_records()), of.made(of.ablation_reports())
+        write_ablation(made, reports, of.missing(of.ablation_asked()), references, files["table-ablation"])
+        write_by_mesh("resolution", of.resolution_records())
+        write_by_mesh("measures", of.measures_records())
+        write_methods(plan.measured_certificates(), plan.sheet, plan.unmeasured(), methods[0])
+
+    def write_by_mesh(name: str, records: Records) -> None:
+        from cortet.paper.mesh_tables import write_mesh_table
+
+        certificates = of.certificates(records)
+        write_mesh_table(
+            name,
+            of.made(records),
+            of.missing(records),
+            files[f"table-{name}"],
+            ages={case.name: case.scan_age for case in plan.cases.values()},
+            certificates={path: certificates[path] for path in of.made(certificates)},
+            uncertified=of.missing(certificates),
         )
 
-    def by_mesh(name: str, records: Callable[[], dict[str, Any]]) -> Callable[[Sequence[str]], None]:
-        def write(outputs: Sequence[str]) -> None:
-            from cortet.paper.mesh_tables import write_mesh_table
+    every = [path for paths in files.values() for path in paths]
+    return Results([*every, *methods], inputs, lambda: [asdict(case) for case in plan.sheet], write, measures=True)
 
-            certificates = of.certificates(records())
-            made = {path: certificates[path] for path in plan.made(certificates)}
-            write_mesh_table(
-                name,
-                plan.made(records()),
-                of.missing(records()),
-                outputs,
-                ages=ages,
-                certificates=made,
-                uncertified=of.missing(certificates),
-            )
 
-        return write
+def figures(plan: Plan) -> Results:
+    """Pooled quality at each cell size, and the developmental series."""
+    of, size = Experiments(plan), plan.resolutions[0] / 1000
+    pooled = {res: files_of(plan, f"figure-pooled-quality_res-{res}um", *_PICTURES) for res in of.ablation_cases}
+    series = files_of(plan, "figure-series", *_PICTURES)
 
-    def with_certificates(records: Callable[[], dict[str, Any]]) -> Callable[[], list[str]]:
-        return lambda: [*records(), *of.certificates(records())]
+    def inputs() -> list[str]:
+        shown = [path for brain in of.series() for kind in ("meshes", "certificates") for path in brain[kind].values()]
+        return list(dict.fromkeys([*shown, *(path for res in pooled for path in of.pooled_records(res))]))
 
-    def pooled(res: int, outputs: Sequence[str]) -> None:
-        from cortet.paper.pooled_quality import draw_pooled
-
-        ours = plan.settings
-        settings = {str(ours[name].setting): (mesher, ours[name].target) for name, mesher in of.mesher_of.items()}
-        draw_pooled(plan.made(of.pooled_records(res)), outputs, settings=settings, limit=config.certify.q_max)
-
-    def shown() -> list[str]:
-        return [path for brain in of.series() for kind in ("meshes", "certificates") for path in brain[kind].values()]
-
-    def whose() -> dict[str, Any]:
+    def facts() -> Any:
         """Whose meshes the series shows, without the paths of files."""
         brains = [{"name": one["name"], "age": one["age"], "meshes": list(one["meshes"])} for one in of.series()]
-        return {"brains": brains, "h": h}
+        return {"brains": brains, "h": size, "limit": plan.config.certify.q_max, "look": plan.config.figures.journal}
 
-    def side_by_side() -> None:
+    def write() -> None:
+        from cortet.paper.pooled_quality import draw_pooled
         from cortet.paper.series import draw_series
+        from cortet.report.figures import look
 
-        draw_series(of.series(), series, cell_size=h)
+        named = {name: str(setting.setting) for name, setting in plan.settings.items()}
+        settings = {named[name]: (mesher, plan.settings[name].target) for name, mesher in of.mesher_of.items()}
+        with look(plan.config.figures.journal):
+            for res, files in pooled.items():
+                records = of.made(of.pooled_records(res))
+                draw_pooled(records, files, settings=settings, limit=plan.config.certify.q_max)
+            draw_series(of.series(), series, cell_size=size)
 
-    found = [
-        _table(
-            plan,
-            "table_ablation",
-            lambda: [*of.ablation_records(), *of.ablation_reports(), *references],
-            ablation,
-            label="1, stage ablation",
-            code="paper.ablation",
-        ),
-        _table(
-            plan,
-            "table_resolution",
-            with_certificates(of.resolution_records),
-            by_mesh("resolution", of.resolution_records),
-            label="2, cell size",
-            code="paper.mesh_tables",
-            facts=lambda: ages,
-        ),
-        _table(
-            plan,
-            "table_measures",
-            with_certificates(of.measures_records),
-            by_mesh("measures", of.measures_records),
-            label="other measures",
-            code="paper.mesh_tables",
-            facts=lambda: ages,
-        ),
-    ]
-    for res, cases in of.ablation_cases.items():
-        made = files(plan, f"figure-pooled-quality_res-{res}um", ".svg", ".pdf", ".png")
-        found.append(
-            Result(
-                f"figure_pooled_quality_{res}",
-                made,
-                partial(of.pooled_records, res),
-                partial(pooled, res, made),
-                ("report.figures", "paper.pooled_quality"),
-                {made[0]: ("Figures", {"figure": f"pooled quality, h = {res} µm"})},
-                "figure_pooled_quality",
-                partial(dict, h=res / 1000, cases=len(cases), limit=config.certify.q_max),
-            )
-        )
-    series, h = files(plan, "figure-series", ".svg", ".pdf", ".png"), plan.resolutions[0] / 1000
-    return [
-        *found,
-        Result(
-            "figure_series",
-            series,
-            shown,
-            side_by_side,
-            ("paper.series", "report.render"),
-            {series[0]: ("Figures", {"figure": "developmental series"})},
-            "figure_series",
-            whose,
-            memory_mb=8000,
-            minutes=30,
-        ),
-    ]
+    every = [path for paths in pooled.values() for path in paths]
+    return Results([*every, *series], inputs, facts, write, measures=True)

@@ -1,4 +1,4 @@
-"""`logs/CITATION.{md,bib,tex,html}`: the methods paragraph with references, for a paper, like that of fMRIPrep.
+"""`logs/CITATION.{md,bib}`: the methods paragraph with references, for a paper, like that of fMRIPrep.
 
 The Markdown cites by keys of the BibTeX file, which Pandoc resolves: `pandoc --citeproc --bibliography CITATION.bib`.
 """
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from cortet.formats.atomic import atomic_path
-from cortet.report import DATA, pages
+from cortet.report import DATA
 from cortet.version import __version__
 
 VERSION: int = 3
@@ -33,18 +33,6 @@ _MESHERS = {"pygalmesh": "cgal", "lattice": "tetgen"}
 _PROGRAMS = {"relocate": "gmsh", "smooth_surface": "pymeshlab", "resample": "workbench"}
 #: libraries that every stage uses
 _LIBRARIES = ("numpy", "scipy", "numba")
-#: characters that LaTeX does not print literally
-_LATEX = {
-    "\\": r"\textbackslash{}",
-    **{sign: f"\\{sign}" for sign in "&%$#_{}"},
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "√": r"$\surd$",
-    "·": r"$\cdot$",
-    "³": r"\textsuperscript{3}",
-    "<": r"\textless{}",
-    ">": r"\textgreater{}",
-}
 
 
 def cited(certificates: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -59,37 +47,22 @@ def cited(certificates: Sequence[Mapping[str, Any]]) -> list[str]:
     return [key for key in REFERENCES if key in used]
 
 
-def write_citation(
-    methods: str, certificates: Sequence[Mapping[str, Any]], markdown: str, bibtex: str, latex: str, page: str
-) -> None:
-    """Write the four files.
+def write_citation(methods: str, certificates: Sequence[Mapping[str, Any]], markdown: str, bibtex: str) -> None:
+    """Write both files.
 
     Parameters
     ----------
     methods : the paragraph
     certificates : contents of the certificates that the paragraph is about
     """
-    keys, paragraph = cited(certificates), methods.strip()
+    keys = cited(certificates)
     texts = {
-        markdown: f"{paragraph} {CLOSING} [{'; '.join(f'@{key}' for key in keys)}].\n\n### References\n",
+        markdown: f"{methods.strip()} {CLOSING} [{'; '.join(f'@{key}' for key in keys)}].\n\n### References\n",
         bibtex: "\n".join(REFERENCES[key] for key in keys),
-        latex: "\n".join(
-            [
-                r"\documentclass{article}",
-                r"\begin{document}",
-                f"{_escaped(paragraph)} {CLOSING} \\cite{{{','.join(keys)}}}.",
-                r"\bibliographystyle{unsrt}",
-                r"\bibliography{CITATION}",
-                r"\end{document}",
-                "",
-            ]
-        ),
     }
     for path, text in texts.items():
         with atomic_path(path) as temporary:
             Path(temporary).write_text(text, encoding="utf-8")
-    references = [(key, reference(REFERENCES[key])) for key in keys]
-    pages.write(page, "Citation", [], end=[("cited", {"text": f"{paragraph} {CLOSING}", "references": references})])
 
 
 def reference(entry: str) -> str:
@@ -99,7 +72,3 @@ def reference(entry: str) -> str:
     where = [fields[name] for name in ("journal", "booktitle", "volume", "year", "note", "url") if name in fields]
     where += [f"arXiv:{fields['eprint']}"] if "eprint" in fields else []
     return f"{fields['author'].replace(' and ', '; ')}: {fields['title']}. {', '.join(where)}."
-
-
-def _escaped(text: str) -> str:
-    return "".join(_LATEX.get(sign, sign) for sign in text)

@@ -55,7 +55,8 @@ def quality_table(certificates: Sequence[Certificate], cases: Iterable[Case]) ->
     KeyError : the case of a certificate is not among `cases`
     """
     sheet = {case.name: case for case in cases}
-    rows = pd.DataFrame([_of_case(sheet[content["case"]]) for content in certificates])
+    described = [_of_case(sheet[content["case"]]) for content in certificates]
+    rows = pd.DataFrame(described, columns=None if described else names(CASE_COLUMNS))
     measured = values(QUALITY_COLUMNS, [_with_verdict(content) for content in certificates])
     return pd.concat([rows[rows.columns.difference(measured.columns, sort=False)], measured], axis="columns")
 

@@ -10,7 +10,6 @@ from pathlib import Path
 from cortet.cohort.sheet import Case
 from cortet.formats.atomic import atomic_path
 from cortet.measure.checks import Check
-from cortet.report import pages
 from cortet.report.citation import CLOSING, REFERENCES, cited, reference
 from cortet.report.records import read_certificate
 from cortet.stages import STAGES
@@ -61,16 +60,14 @@ def write_methods(
     sheet: Iterable[Case],
     failures: Mapping[str, str],
     markdown: str | Path,
-    view: str | Path,
 ) -> None:
-    """Write the paragraph with its references, and an HTML page of both, from the files of certificates."""
+    """Write the paragraph with its references, from the files of certificates."""
     contents = [read_certificate(name) for name in certificates]
     closed = f"{methods_text(contents, sheet, failures).strip()} {CLOSING}"
-    references = [(key, reference(REFERENCES[key])) for key in cited(contents)]
-    listed = "\n".join(f"{number}. {words}" for number, (_, words) in enumerate(references, start=1))
+    references = [reference(REFERENCES[key]) for key in cited(contents)]
+    listed = "\n".join(f"{number}. {words}" for number, words in enumerate(references, start=1))
     with atomic_path(markdown) as temporary:
         temporary.write_text(f"{closed} [1-{len(references)}].\n\n## References\n\n{listed}\n", encoding="utf-8")
-    pages.write(view, "Methods", [], end=[("cited", {"text": closed, "references": references})])
 
 
 def _cohort(cases: Sequence[Case]) -> list[str]:

@@ -1,6 +1,6 @@
 """Tables, figures and pages over all cases, as a function of what is in the output folder.
 
-The rules of the workflow make each of them when all cases are done. After a run with failures, and at any time by
+Four rules of the workflow make them when all cases are done. After a run with failures, and at any time by
 `cortet cohort report`, all are made of what is there.
 """
 
@@ -10,9 +10,8 @@ import json
 import logging
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass
 from datetime import datetime
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -30,11 +29,8 @@ from cortet.neighbours import OnPage, neighbours
 
 logger = logging.getLogger(__name__)
 
-#: rules of the core that a whole run asks for
-OF_COHORT = (
-    *("cohort_quality", "cohort_summary", "cohort_stages", "cohort_figure", "cohort_status", "citation"),
-    *("cohort_tissues", "cohort_maps_L", "cohort_maps_R", "cohort_page"),
-)
+#: rules that a whole run asks for
+OF_COHORT = ("cohort_tables", "cohort_page")
 #: what a run leaves of itself in its output folder
 RUN = ".cortet/run.json"
 #: when `report` last wrote results that a run may still change; Snakemake then makes them again
@@ -42,32 +38,17 @@ REPORTED = ".cortet/reported.txt"
 
 
 @dataclass(frozen=True)
-class Result:
-    """One table, figure or page over all cases."""
+class Results:
+    """Files over all cases that one rule makes."""
 
-    #: name of the rule that makes it
-    rule: str
     files: Sequence[str]
-    #: files that it is made from, when all cases are done; the certificates, too, if it leaves out meshes without one
+    #: files that they are made from, when all cases are done
     inputs: Callable[[], Iterable[str]]
+    #: what they depend on besides their inputs
+    facts: Callable[[], Any]
     write: Callable[[], None]
-    #: modules whose `VERSION` counts
-    code: Sequence[str]
-    #: file -> category and labels in Snakemake's report
-    shown: Mapping[str, tuple[str, dict[str, str]]] = field(default_factory=dict)
-    #: name of the caption in reports/
-    caption: str = ""
-    #: what it depends on besides its inputs; captions quote it
-    facts: Callable[[], Any] = dict
-    memory_mb: int = 2000
-    minutes: int = 20
-    #: whether it needs at least one mesh with a certificate
-    measures: bool = True
-
-    @property
-    def is_drawn(self) -> bool:
-        """Whether it is a figure for print, which has the look of a journal."""
-        return any(path.endswith(".pdf") for path in self.files)
+    #: whether they need at least one mesh with a certificate
+    measures: bool = False
 
 
 def plan_of(config: Mapping[str, Any]) -> Plan:
@@ -106,11 +87,7 @@ def remember_run(plan: Plan, config: Mapping[str, Any], asked: Iterable[str]) ->
         "folder": os.path.relpath(Path.cwd(), output),
     }
     write_json(record, output / RUN)
-    began = datetime.now().astimezone().strftime("%Y-%m-%d at %H:%M")
-    results = OverAll(with_failures(plan), began=began)
-    for result in (results["cohort_status"], results["cohort_page"]):
-        if all(Path(path).exists() for path in (*result.files, *result.inputs())):
-            result.write()
+    _update_states(with_failures(plan), began=datetime.now().astimezone().strftime("%Y-%m-%d at %H:%M"))
 
 
 def is_of_run(config: Mapping[str, Any], output: Path) -> bool:
@@ -154,12 +131,10 @@ def plan_of_run(output: Path) -> tuple[Plan, list[str]]:
 def report(output: Path, *, after: Literal["success", "failure"] | None = None) -> list[Path]:
     """Make results over all cases, and the pages of failed cases, of what is in an output folder.
 
-    Results of neighbours are made if the last run asked for them, or if they are there already.
-
     Parameters
     ----------
-    after : how the run ended that calls this; it then gets, of all results, only what it asked for and what was there,
-        and after a success only the page and what it did not make itself
+    after : how the run ended that calls this: after a failure, what the run asked for and what is there is made again;
+        after a success, only what is there and the run did not make. None: everything that a whole run makes, too
 
     Returns
     -------
@@ -173,26 +148,30 @@ def report(output: Path, *, after: Literal["success", "failure"] | None = None) 
     for moved in set_aside(with_failures(plan)):
         logger.warning("%s", moved)
     plan = with_failures(plan)
+    written = _write_failure_pages(plan)
     wanted = {None: {*asked, *OF_COHORT}, "failure": {*asked}, "success": set[str]()}[after]
-    done = {*asked} - {"cohort_page"} if after == "success" else set()
-    written = [Path(path) for path in _write_failure_pages(plan)]
     measured = bool(plan.measured_certificates())
-    for result in OverAll(plan).results:
+    for rule, result in results(plan).items():
         there = any(Path(path).exists() for path in result.files)
-        if result.rule in done or not (result.rule in wanted or there):
+        if after == "success" and (rule in asked or not all(Path(path).exists() for path in result.inputs())):
             continue
-        if after == "success" and not all(Path(path).exists() for path in result.inputs()):
-            continue
-        if measured or not result.measures:
-            result.write()
-            written += map(Path, result.files)
-        else:
-            for path in result.files:
-                Path(path).unlink(missing_ok=True)
-    if after != "success":
+        if rule in wanted or there:
+            if measured or not result.measures:
+                result.write()
+            else:
+                _delete(result.files)
+            written += [path for path in result.files if Path(path).exists()]
+    if after == "success":
+        _update_states(plan)
+    else:
         with atomic_path(Path(plan.layout.output) / REPORTED) as temporary:
             temporary.write_text(datetime.now().isoformat(), encoding="utf-8")
-    return written
+    return [*map(Path, written)]
+
+
+def _delete(files: Iterable[str]) -> None:
+    for path in files:
+        Path(path).unlink(missing_ok=True)
 
 
 def _write_failure_pages(plan: Plan) -> list[str]:
@@ -250,256 +229,184 @@ def aggregate(config: Mapping[str, Any], output: Path, *, dry_run: bool = False)
     return report(output)
 
 
-def files(plan: Plan, name: str, *suffixes: str) -> list[str]:
+def files_of(plan: Plan, name: str, *suffixes: str) -> list[str]:
     """Files over all cases that have one name."""
     return [plan.layout.cohort(f"{name}{suffix}") for suffix in suffixes]
 
 
-@dataclass(frozen=True)
-class OverAll:
-    """The results over all cases of a plan."""
+def results(plan: Plan) -> dict[str, Results]:
+    """All results by their rules, those that others are made from first."""
+    others = {rule: result for neighbour in neighbours() for rule, result in neighbour.results(plan).items()}
+    return {"cohort_tables": cohort_tables(plan), "cohort_page": cohort_page(plan), **others}
 
-    plan: Plan
-    #: when a run began that has not ended
-    began: str = ""
 
-    @cached_property
-    def results(self) -> list[Result]:
-        """All results, those that others are made from first."""
-        maps = map(self._mean_maps, filter(self.plan.mapped, "LR"))
-        more = (result for neighbour in neighbours() for result in neighbour.results(self.plan))
-        return [*map(self._with_look, [*self._cohort(), *maps, *more]), self._methods(), self._page()]
+# --- tables ------------------------------------------------------------------------------------------------------
 
-    def _with_look(self, result: Result) -> Result:
-        """A result that, where it is a figure, is drawn in the look that the configuration names."""
 
-        def write() -> None:
-            from cortet.report.figures import look
+def cohort_tables(plan: Plan) -> Results:
+    """Quality, summary, stages, tissues and states, and the citation of the run."""
+    files = [path for paths in _tables(plan).values() for path in paths]
+    return Results(
+        files,
+        lambda: [
+            *plan.measured_certificates(),
+            *plan.exported_files(),
+            *plan.stage_records(),
+            *plan.tissue_tables().values(),
+        ],
+        lambda: [
+            [asdict(case) for case in plan.sheet],
+            [{**row, "certificate": "certificate" in row} for row in plan.status()],
+        ],
+        lambda: _write_tables(plan),
+    )
 
-            with look(self.plan.config.figures.journal):
-                result.write()
 
-        return replace(result, write=write) if result.is_drawn else result
+def _tables(plan: Plan) -> dict[str, list[str]]:
+    """Files of each table of a cohort, and of the citation."""
+    return {
+        "status": files_of(plan, "cohort_status", ".tsv", ".json"),
+        "quality": files_of(plan, "cohort_quality", ".tsv", ".json", ".html"),
+        "summary": files_of(plan, "cohort_summary", ".tsv", ".json"),
+        "stages": files_of(plan, "cohort_stages", ".tsv", ".json"),
+        **({"tissues": files_of(plan, "cohort_tissues", ".tsv", ".json")} if plan.has_volumes else {}),
+        "citation": [f"{plan.layout.output}/logs/CITATION{suffix}" for suffix in (".md", ".bib")],
+    }
 
-    def of(self, *rules: str) -> list[str]:
-        """The files of some results."""
-        return [path for result in self.results if result.rule in rules for path in result.files]
 
-    def __getitem__(self, rule: str) -> Result:
-        return next(result for result in self.results if result.rule == rule)
+def _write_tables(plan: Plan) -> None:
+    from cortet.report.citation import write_citation
+    from cortet.report.cohort_tables import write_quality, write_summary
+    from cortet.report.cohort_tissues import write_tissues
+    from cortet.report.methods import methods_text
+    from cortet.report.records import read_certificate, write_stages
 
-    def _files(self, name: str, *suffixes: str) -> list[str]:
-        return files(self.plan, name, *suffixes)
+    _write_status(plan)
+    certificates, files = plan.measured_certificates(), _tables(plan)
+    cases = list(plan.cases.values())
+    write_quality(certificates, cases, files["quality"])
+    write_summary(certificates, cases, files["summary"])
+    write_stages(plan.stage_records(), files["stages"])
+    if plan.has_volumes:
+        tables = plan.tissue_tables()
+        write_tissues(list(tables.values()), [plan.described(mesh) for mesh in tables], files["tissues"])
+    contents = [*map(read_certificate, certificates)]
+    methods = methods_text(contents, plan.sheet, plan.unmeasured()) if contents else "No mesh has been made."
+    write_citation(methods, contents, *files["citation"])
 
-    def _certificates(self) -> list[str]:
-        return self.plan.measured_certificates()
 
-    def _cases(self) -> list[dict[str, Any]]:
-        return [asdict(case) for case in self.plan.cases.values()]
+def _write_status(plan: Plan) -> None:
+    from cortet.cohort.status import COLUMNS, status_rows
+    from cortet.report.table_files import Table, write
 
-    def _table(
-        self, rule: str, label: str, inputs: Callable[[], Iterable[str]], write: Callable[..., None], **more: Any
-    ) -> Result:
-        """A table of the cohort: TSV, sidecar and a page for Snakemake's report."""
-        files = self._files(rule, ".tsv", ".json", ".html")
-        shown = {files[2]: ("Cohort", {"result": f"table: {label}"})}
-        code = (more.pop("code"), "report.table_files")
-        return Result(rule, files, inputs, lambda: write(files), code, shown, caption=rule, **more)
+    write(Table("What became of every case", COLUMNS), status_rows(plan.status()), *_tables(plan)["status"])
 
-    def _cohort(self) -> list[Result]:
-        plan, cases = self.plan, list(self.plan.cases.values())
 
-        def quality(files: Sequence[str]) -> None:
-            from cortet.report.cohort_tables import write_quality
+def _update_states(plan: Plan, *, began: str = "") -> None:
+    """Write the table of states and the page anew, where they are there: they say how far the cases are."""
+    if Path(_tables(plan)["status"][0]).exists():
+        _write_status(plan)
+        if Path(plan.layout.cohort_page).exists():
+            _write_page(plan, began=began)
 
-            write_quality(self._certificates(), cases, files)
 
-        def summary(files: Sequence[str]) -> None:
-            from cortet.report.cohort_tables import write_summary
+# --- the page ----------------------------------------------------------------------------------------------------
 
-            write_summary(self._certificates(), cases, files)
 
-        def stages(files: Sequence[str]) -> None:
-            from cortet.report.records import write_stages
+def cohort_page(plan: Plan) -> Results:
+    """The page of a cohort and what it shows: the figure, means on the common mesh, and parts of neighbours."""
+    tables, parts = _tables(plan), _parts(plan)
+    return Results(
+        [
+            plan.layout.cohort_page,
+            *_figure(plan),
+            *(path for hemi in _mapped(plan) for path in _maps(plan, hemi)),
+            *(path for part in parts for path in part.files),
+        ],
+        lambda: [
+            tables["status"][0],
+            *(tables["quality"][:2] if plan.measured_certificates() else []),
+            *(tables["tissues"][:1] if plan.tissue_tables() else []),
+            *plan.each_case(plan.layout.thumbnail).values(),
+            *(path for hemi in _mapped(plan) for path in plan.maps(hemi).values()),
+            *(path for part in parts for path in part.inputs),
+        ],
+        lambda: [
+            plan.listed_on_page(),
+            [list(plan.maps(hemi)) for hemi in _mapped(plan)],
+            [part.facts for part in parts],
+            [plan.config.certify.q_max, plan.config.target, plan.config.figures.journal],
+        ],
+        lambda: _draw_and_write_page(plan),
+    )
 
-            write_stages(plan.stage_records(), files)
 
-        def draw() -> None:
-            from cortet.report.figures import cohort_figure, save
+def _parts(plan: Plan) -> list[OnPage]:
+    """What neighbours bring to the page."""
+    return [part for neighbour in neighbours() if (part := neighbour.on_page(plan))]
 
-            table, own = Path(self.of("cohort_quality")[0]), plan.config
-            save(cohort_figure(table, limit=own.certify.q_max, target=own.target), *figure)
 
-        def status(files: Sequence[str]) -> None:
-            from cortet.cohort.status import COLUMNS, status_rows
-            from cortet.report.table_files import Table, write
+def _figure(plan: Plan) -> list[str]:
+    return files_of(plan, "figure-cohort", ".svg", ".pdf", ".png")
 
-            write(Table("What became of every case", COLUMNS), status_rows(plan.status()), *files)
 
-        def cite() -> None:
-            from cortet.report.citation import write_citation
-            from cortet.report.methods import methods_text
-            from cortet.report.records import read_certificate
+def _mapped(plan: Plan) -> list[Literal["L", "R"]]:
+    """Hemispheres with cases on the common mesh."""
+    hemispheres: tuple[Literal["L", "R"], ...] = ("L", "R")
+    return [hemi for hemi in hemispheres if plan.mapped(hemi)]
 
-            contents = [read_certificate(path) for path in self._certificates()]
-            write_citation(methods_text(contents, plan.sheet, plan.unmeasured()), contents, *cited)
 
-        def tissues(files: Sequence[str]) -> None:
-            from cortet.report.cohort_tissues import write_tissues
+def _maps(plan: Plan, hemi: str) -> list[str]:
+    """Mean surface of a hemisphere, its maps, their sidecar, and their picture."""
+    means = files_of(plan, f"hemi-{hemi}_desc-mean_", "white.surf.gii", "maps.shape.gii", "maps.json")
+    return [*means, *files_of(plan, f"figure-maps_hemi-{hemi}", ".png")]
 
-            tables = plan.tissue_tables()
-            write_tissues(list(tables.values()), [plan.described(mesh) for mesh in tables], files)
 
-        of_cases = {"code": "report.cohort_tables", "facts": self._cases}
-        figure = self._files("figure-cohort", ".svg", ".pdf", ".png")
-        cited = [f"{plan.layout.output}/logs/CITATION{suffix}" for suffix in (".md", ".bib", ".tex", ".html")]
-        found = [
-            self._table("cohort_quality", "quality", self._certificates, quality, **of_cases),
-            self._table("cohort_summary", "summary", self._certificates, summary, **of_cases),
-            self._table(
-                "cohort_stages",
-                "stages",
-                lambda: [*plan.stage_records(), *self._certificates()],
-                stages,
-                code="report.records",
-            ),
-            Result(
-                "cohort_figure",
-                figure,
-                lambda: self.of("cohort_quality")[:1],
-                draw,
-                ("report.figures",),
-                {figure[0]: ("Cohort", {"result": "figure: quality against age"})},
-                "cohort_figure",
-                lambda: {"limit": plan.config.certify.q_max, "target": plan.config.target},
-            ),
-            self._table(
-                "cohort_status",
-                "status",
-                lambda: [*self._certificates(), *plan.exported_files()],
-                status,
-                code="cohort.status",
-                facts=lambda: [{**row, "certificate": "certificate" in row} for row in plan.status()],
-                measures=False,
-            ),
-            Result(
-                "citation",
-                cited,
-                self._certificates,
-                cite,
-                ("report.methods", "report.citation"),
-                facts=lambda: [asdict(case) for case in plan.sheet],
-            ),
-        ]
-        if plan.has_volumes:
-            found.append(
-                self._table(
-                    "cohort_tissues",
-                    "tissues",
-                    lambda: [*plan.tissue_tables().values(), *self._certificates()],
-                    tissues,
-                    code="report.cohort_tissues",
-                    facts=lambda: [plan.described(mesh) for mesh in plan.tissue_tables()],
-                )
-            )
-        return found
+def _draw_and_write_page(plan: Plan) -> None:
+    from cortet.report.cohort_maps import write_maps
+    from cortet.report.figures import cohort_figure, look, save
 
-    def _mean_maps(self, hemi: str) -> Result:
-        plan = self.plan
-        files = [
-            *self._files(f"hemi-{hemi}_desc-mean_", "white.surf.gii", "maps.shape.gii", "maps.json"),
-            *self._files(f"figure-maps_hemi-{hemi}", ".png"),
-        ]
+    with look(plan.config.figures.journal):
+        table = Path(_tables(plan)["quality"][0])
+        save(cohort_figure(table, limit=plan.config.certify.q_max, target=plan.config.target), *_figure(plan))
+        for hemi in _mapped(plan):
+            if maps := plan.maps(hemi):
+                write_maps(list(maps.items()), *_maps(plan, hemi))
+            else:
+                _delete(_maps(plan, hemi))
+        for part in _parts(plan):
+            part.write()
+    _write_page(plan)
 
-        def write() -> None:
-            from cortet.report.cohort_maps import write_maps
 
-            write_maps(list(plan.maps(hemi).items()), *files)
+def _write_page(plan: Plan, *, began: str = "") -> None:
+    """Write the page.
 
-        return Result(
-            f"cohort_maps_{hemi}",
-            files,
-            lambda: [*plan.maps(hemi).values(), *self._certificates()],
-            write,
-            ("report.cohort_maps", "report.render"),
-            {files[-1]: ("Cohort", {"result": f"maps on the common mesh, {hemi}"})},
-            "cohort_maps",
-            lambda: list(plan.maps(hemi)),
-            memory_mb=4000,
-            minutes=60,
-        )
+    Parameters
+    ----------
+    began : when a run began that has not ended; empty if none runs
+    """
+    from cortet.report.cohort_page import write_cohort_page
+    from cortet.report.pages import data_uri
 
-    def _methods(self) -> Result:
-        plan, text = self.plan, self._files("methods", ".md", ".html")
-
-        def write() -> None:
-            from cortet.report.methods import write_methods
-
-            write_methods(self._certificates(), plan.sheet, plan.unmeasured(), text[0], text[1])
-
-        return Result(
-            "methods",
-            text,
-            self._certificates,
-            write,
-            ("report.methods", "report.citation"),
-            {text[1]: ("Methods", {"text": "methods paragraph"})},
-            "methods",
-            lambda: [asdict(case) for case in plan.sheet],
-        )
-
-    def _page(self) -> Result:
-        plan, page = self.plan, self.plan.layout.cohort_page
-
-        def of_neighbours() -> list[OnPage]:
-            return [part for neighbour in neighbours() if (part := neighbour.on_page(plan))]
-
-        def parts() -> dict[str, Any]:
-            """Parts of the page that are there."""
-            quality, figure = self._files("cohort_quality", ".tsv", ".json"), self._files("figure-cohort", ".svg")
-            tissues = self._files("cohort_tissues", ".tsv")
-            measured = bool(self._certificates())
-            return {
-                "quality": quality if measured else [],
-                "figure": figure if measured else [],
-                "maps": [self.plan.layout.cohort(f"figure-maps_hemi-{hemi}.png") for hemi in plan.mapped_hemispheres()],
-                "tissues": tissues if plan.tissue_tables() else [],
-            }
-
-        def write() -> None:
-            from cortet.report.cohort_page import write_cohort_page
-            from cortet.report.pages import data_uri
-
-            part = {name: [Path(path) for path in paths] for name, paths in parts().items()}
-            small = {mesh: Path(file) for mesh, file in plan.each_case(plan.layout.thumbnail).items()}
-            meshes = [
-                {**row, "thumbnail": data_uri(file.read_bytes(), "image/webp") if file.exists() else None}
-                for row, file in zip(plan.listed_on_page(), small.values(), strict=True)
-            ]
-            write_cohort_page(
-                Path(self.of("cohort_status")[0]),
-                (part["quality"][0], part["quality"][1]) if part["quality"] else None,
-                page,
-                meshes=meshes,
-                figure=part["figure"][0] if part["figure"] else None,
-                maps=dict(zip(cast(list[Literal["L", "R"]], plan.mapped_hemispheres()), part["maps"], strict=True)),
-                tissues=part["tissues"][0] if part["tissues"] else None,
-                more=of_neighbours(),
-                dataset=plan.config.cohort.dataset.resolve().name if plan.config.cohort.dataset else "",
-                began=self.began,
-            )
-
-        return Result(
-            "cohort_page",
-            [page],
-            lambda: [
-                *self.of("cohort_status")[:1],
-                *(path for paths in parts().values() for path in paths),
-                *(path for part in of_neighbours() for path in part.files),
-                *plan.each_case(plan.layout.thumbnail).values(),
-            ],
-            write,
-            ("report.pages",),
-            facts=lambda: [plan.listed_on_page(), *(part.facts for part in of_neighbours())],
-            measures=False,
-        )
+    tables = {name: [Path(path) for path in paths] for name, paths in _tables(plan).items()}
+    figure, dataset = Path(_figure(plan)[0]), plan.config.cohort.dataset
+    measured = bool(plan.measured_certificates()) and tables["quality"][0].exists()
+    small = [Path(path) for path in plan.each_case(plan.layout.thumbnail).values()]
+    meshes = [
+        {**row, "thumbnail": data_uri(file.read_bytes(), "image/webp") if file.exists() else None}
+        for row, file in zip(plan.listed_on_page(), small, strict=True)
+    ]
+    pictures = {hemi: Path(_maps(plan, hemi)[-1]) for hemi in _mapped(plan)}
+    write_cohort_page(
+        tables["status"][0],
+        (tables["quality"][0], tables["quality"][1]) if measured else None,
+        plan.layout.cohort_page,
+        meshes=meshes,
+        figure=figure if measured and figure.exists() else None,
+        maps={hemi: picture for hemi, picture in pictures.items() if picture.exists()},
+        tissues=tables["tissues"][0] if plan.tissue_tables() else None,
+        more=[part for part in _parts(plan) if all(Path(path).exists() for path in part.files)],
+        dataset=dataset.resolve().name if dataset else "",
+        began=began,
+    )

@@ -27,7 +27,7 @@ def test_all_cases_are_folded_under_every_variant(study: Study) -> None:
         },
     }
     jobs = study.jobs_of_run()
-    assert {("fold", "sub-a"), ("fold", "sub-b"), ("cohort_folding", "-"), ("cohort_page", "-")} <= jobs
+    assert {("fold", "sub-a"), ("fold", "sub-b"), ("cohort_page", "-")} <= jobs
     with (study.outputs / "cohort/cohort_folding.tsv").open(newline="") as file:
         rows = {(row["case"], row["variant"]): row for row in csv.DictReader(file, delimiter="\t")}
     assert set(rows) == {(f"sub-{name}_hemi-L", variant) for name in "ab" for variant in ("n/a", "wild")}

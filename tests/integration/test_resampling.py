@@ -73,7 +73,7 @@ def test_cases_with_spheres_share_triangles_and_the_others_stay_as_they_are(sphe
     write_surface(TriSurface(old.points @ [[0, 1, 0], [1, 0, 0], [0, 0, -1]], old.faces), sphere)
     again = study.planned_jobs()
     assert {case for _, case in again} == {"sub-b", "-"} and ("resample", "sub-b") in again
-    assert ("cohort_maps_L", "-") in again
+    assert ("cohort_page", "-") in again
 
 
 def test_the_stage_can_be_left_out(spheres: Study) -> None:

@@ -153,7 +153,7 @@ def test_folds_are_shown_with_what_stopped_them_and_where_their_pictures_are(tmp
         None,
         tmp_path / "index.html",
         meshes=[{**mesh, "page": "a.html"}],
-        more=[OnPage([str(tmp_path / "folds.tsv")], None, lambda: [shown])],
+        more=[OnPage([str(tmp_path / "folds.tsv")], [], None, lambda: None, lambda: [shown])],
     )
     page = (tmp_path / "index.html").read_text()
     section = page[page.index('id="folds"') :]

@@ -114,7 +114,6 @@ def test_it_gives_the_outcome_and_the_versions(records: list[dict[str, Any]]) ->
 
 def test_it_is_written_from_certificate_files(records: list[dict[str, Any]], tmp_path: Path) -> None:
     (tmp_path / "c.json").write_text(json.dumps(records[0]))
-    write_methods([str(tmp_path / "c.json")], CASES, {}, tmp_path / "methods.md", tmp_path / "methods.html")
+    write_methods([str(tmp_path / "c.json")], CASES, {}, tmp_path / "methods.md")
     assert (tmp_path / "methods.md").read_text().startswith("Tetrahedral meshes were made of 1 closed")
     assert "\n1. The authors of CORTET" in (tmp_path / "methods.md").read_text()
-    assert "<p>Tetrahedral meshes were made of 1 closed" in (tmp_path / "methods.html").read_text()

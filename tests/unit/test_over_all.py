@@ -5,25 +5,19 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from cortet.report.over_all import OverAll
+from cortet.report.over_all import results
 from tests.unit.test_plan import GOOD, MADE, plan
 
 
-def test_a_result_that_leaves_out_meshes_without_a_certificate_waits_for_the_certificates() -> None:
-    labelled = replace(GOOD, volumes={"tissue": Path("tissue.nii.gz")})
-    asked = plan(labelled, MADE)
-    results = OverAll(asked)
-    for rule in ("cohort_quality", "cohort_stages", "cohort_tissues", "cohort_maps_L", "citation", "methods"):
-        assert set(asked.measured_certificates()) <= set(results[rule].inputs()), rule
-
-
 def test_what_says_whether_meshes_are_certified_waits_for_their_certificates() -> None:
+    labelled = replace(GOOD, volumes={"tissue": Path("tissue.nii.gz")})
     experiments = {"resolution": {"cell_size": [2.0, 3.0]}, "series": {"cases": "all"}}
-    asked = plan(GOOD, MADE, experiments=experiments)
-    results = OverAll(asked)
-    for rule in ("table_resolution", "table_measures", "figure_series"):
-        certificates = {path for path in results[rule].inputs() if path.endswith("certificate.json")}
+    asked = plan(labelled, MADE, experiments=experiments)
+    made = results(asked)
+    for rule in ("cohort_tables", "tables", "figures"):
+        certificates = {path for path in made[rule].inputs() if path.endswith("certificate.json")}
         assert certificates == set(asked.measured_certificates()), rule
+    assert set(made["cohort_page"].inputs()) & set(made["cohort_tables"].files), "the page is made of the tables"
 
 
 def test_a_map_that_failed_is_left_out_of_the_means() -> None:
