@@ -20,7 +20,7 @@ from cortet.cohort.app import require_plain_python
 from cortet.cohort.bids import Places, descriptions, require_own_output
 from cortet.cohort.failures import made_otherwise
 from cortet.cohort.layout import EXPORTED, LABELS, SHARED, WILDCARDS, beside
-from cortet.cohort.lock import is_held_by_parent, require_free
+from cortet.cohort.lock import require_free
 from cortet.cohort.plan import existing
 from cortet.cohort.resources import cost
 from cortet.cohort.user_files import content
@@ -46,8 +46,7 @@ try:
     PLAN = replace(plan_of(config), waited_for=waited_for)
     if workflow.is_main_process:
         require_own_output(PLAN.config.output, PLAN.config.cohort.dataset)
-        if not is_held_by_parent():
-            require_free(PLAN.config.output)
+        require_free(PLAN.config.output)
     CONFIG, SETTINGS, CASES = PLAN.config, PLAN.settings, PLAN.cases
     RESULTS = results(PLAN)
 except CortetError as error:

@@ -10,7 +10,7 @@ import sys
 
 from cortet.cohort.app import outcome, workflow as of_workflow
 from cortet.cohort.failures import with_failures
-from cortet.cohort.lock import HELD_BY, hold, is_held_by_parent
+from cortet.cohort.lock import hold, is_held_by_parent
 from cortet.cohort.outdated import set_aside
 from cortet.report.over_all import is_of_run, remember_run
 
@@ -23,13 +23,12 @@ def report_what_is_there(after):
     """Make tables, figures and pages over all cases in a process of its own, which has seconds to work in."""
     path = os.pathsep.join(filter(None, [str(FOLDER), os.environ.get("PYTHONPATH")]))
     command = [sys.executable, "-m", "cortet.cli", "cohort", "report", "--after", after, OUT]
-    environment = os.environ | {HELD_BY: str(os.getpid()), "PYTHONPATH": path}
-    subprocess.run(command, check=False, env=environment, stdout=subprocess.DEVNULL)
+    subprocess.run(command, check=False, env=os.environ | {"PYTHONPATH": path}, stdout=subprocess.DEVNULL)
 
 
 onstart:
     try:
-        if not is_held_by_parent():
+        if not is_held_by_parent(CONFIG.output):
             HELD.append(hold(CONFIG.output))
     except CortetError as error:
         raise WorkflowError(str(error)) from None
@@ -46,7 +45,7 @@ def end_run(after):
     """Make what is over all cases, and say what became of them, unless `cortet run` started this and will say it."""
     if HAD_RESULTS or after == "failure":
         report_what_is_there(after)
-    if not is_held_by_parent():
+    if HELD:
         logger.warning(outcome(with_failures(PLAN), Path(OUT), page="cohort_page" in ASKED))
 
 

@@ -33,7 +33,7 @@ from typing import Any
 _folder = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(_folder if (_folder / "cortet").is_dir() else _folder.parents[1]))
 
-from cortet.cohort.status import began, failure_path, was_killed, write_failure
+from cortet.cohort.status import began, failure_path, write_failure
 from cortet.errors import CortetError
 from cortet.formats import child
 
@@ -91,14 +91,8 @@ def start(snakemake: Any) -> Job:
     log = Path(snakemake.log[0])
     child.end_with_parent()  # so that files begun by an interrupted run never replace those of a later one
     _use_own_temporary_folder(log)
-    attempt = snakemake.resources.get("attempt", 0)  # 0: not given, and a failure is final
-    earlier = log.with_name(f".{log.name}.attempt")
-    if attempt > 1:
-        _end_useless_attempt(log, earlier)
     if "pdb" not in sys.modules:  # a debugger has the terminal
         _log_to(log)
-    if attempt:
-        _remember(log, earlier)
     sys.excepthook = partial(_log_failure, log, snakemake)
     began(log, snakemake.rule, dict(snakemake.wildcards))
     atexit.register(_forget, failure_path(log))
@@ -119,21 +113,6 @@ def _use_own_temporary_folder(log: Path) -> None:
     folder.mkdir()
     os.environ["TMPDIR"] = tempfile.tempdir = str(folder)
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-
-
-def _end_useless_attempt(log: Path, earlier: Path) -> None:
-    """End a job whose earlier attempt was not killed: another attempt, with more memory, does not help it."""
-    if earlier.exists() and not was_killed(earlier):
-        shutil.copyfile(earlier, log)
-        sys.exit(f"not tried again, the reason stands in {log}")
-
-
-def _remember(log: Path, earlier: Path) -> None:
-    """Keep the log under a second name until the job has succeeded; Snakemake deletes it before another attempt."""
-    earlier.unlink(missing_ok=True)
-    with contextlib.suppress(OSError):  # a file system without links: every failure is tried again
-        os.link(log, earlier)
-    atexit.register(_forget, earlier)
 
 
 def _log_to(path: Path) -> None:

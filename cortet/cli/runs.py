@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import chdir, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -102,19 +103,15 @@ def report(
     --------
     cortet cohort report derivatives/cortet
     """
-    from cortet.cohort.lock import hold, is_held_by_parent
+    from cortet.cohort.lock import hold
     from cortet.report.over_all import report
 
     folder = output_dir.absolute()
     if not folder.is_dir():
         raise InputError("no such folder", file=output_dir, remedy="name the output folder of a run")
-    held = None if is_held_by_parent() else hold(folder)
-    try:
+    with nullcontext() if after else hold(folder):  # a run that ends has the lock
         for path in report(folder, after=after):
             print(path)
-    finally:
-        if held:
-            held.close()
     return 0
 
 
@@ -193,22 +190,30 @@ def run(
         print(f"  {case.name}  {age}  {case.surface}", flush=True)
     for notice in app.source_notice(output_dir, bids_dir):
         print(f"  {notice}", flush=True)
-    work = work_dir or app.work_folder(output_dir)
+    work, output = (work_dir or app.work_folder(output_dir)).absolute(), output_dir.absolute()
+    if profile and Path(profile).is_dir():
+        profile = str(Path(profile).absolute())
     with app.lock(bids_dir, output_dir), app.unchanged(work, dry_run=dry_run):
         app.prepare(cases, bids_dir, output_dir, work, settings, selected=not selection.is_all)
-        code, most, names = 0, cores or os.cpu_count() or 1, frozenset(case.name for case in cases)
-        plan = plan_of(read(work / "config.yaml"))
-        if not alone:
-            of_cases = replace(plan, chosen=names).files_of_cases()
-            targets = [app.LEVELS[level] for level in asked] if selection.is_all else ["dataset_description", *of_cases]
-            code = app.snakemake(work, targets, cores=most, profile=profile, dry_run=dry_run, verbose=common.verbose)
-        if "group" in asked and (alone or not selection.is_all):
-            aggregate(read(work / "config.yaml"), output_dir.absolute(), dry_run=dry_run)
-        plan = with_failures(plan)
-    if alone and (without := [name for name, state in app.states_of(plan, names).items() if state == "unfinished"]):
-        print(f"no mesh yet: {', '.join(without)} (the level participant makes them)")
-    if not dry_run:
-        print(app.outcome(plan, output_dir, page="group" in asked, names=names))
+        with chdir(work):  # names of files in its configuration are relative to it
+            code, most, names = 0, cores or os.cpu_count() or 1, frozenset(case.name for case in cases)
+            written = read(Path("config.yaml"))
+            plan = plan_of(written)
+            if not alone:
+                targets = [app.LEVELS[level] for level in asked]
+                if not selection.is_all:
+                    targets = ["dataset_description", *replace(plan, chosen=names).files_of_cases()]
+                code = app.snakemake(
+                    work, targets, cores=most, profile=profile, dry_run=dry_run, verbose=common.verbose
+                )
+            if "group" in asked and (alone or not selection.is_all):
+                aggregate(written, output, dry_run=dry_run)
+            plan = with_failures(plan)
+            unfinished = [name for name, state in app.states_of(plan, names).items() if state == "unfinished"]
+            if alone and unfinished:
+                print(f"no mesh yet: {', '.join(unfinished)} (the level participant makes them)")
+            if not dry_run:
+                print(app.outcome(plan, output_dir, page="group" in asked, names=names))
     return int(code != 0)
 
 

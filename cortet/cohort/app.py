@@ -23,7 +23,7 @@ import yaml
 
 from cortet.cohort.bids import DESCRIPTION, is_own_output, require_own_output
 from cortet.cohort.layout import EXPORTED
-from cortet.cohort.lock import HELD_BY, hold
+from cortet.cohort.lock import hold
 from cortet.cohort.plan import Plan
 from cortet.cohort.scan import scan
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
@@ -232,10 +232,11 @@ def prepare(
     """
     sheet, file = work / "cohort.tsv", work / "config.yaml"
     cohort = dict(settings.get("cohort") or {})
+    # relative to the working folder, so that what Snakemake remembers there holds after the output has moved
     data = {
         **settings,
-        "cohort": {**cohort, "sheet": str(sheet.resolve()), "dataset": str(dataset.resolve())},
-        "output": str(output.resolve()),
+        "cohort": {**cohort, "sheet": sheet.name, "dataset": str(dataset.resolve())},
+        "output": os.path.relpath(output.resolve(), work.resolve()),
     }
     load(data)
     _claim(work, output, (sheet, file))
@@ -310,11 +311,10 @@ def snakemake(
     command += targets
     # Snakemake looks for its plugins on the path, and ours lies beside the package
     path = os.pathsep.join([str(_PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
-    locked = os.environ | {HELD_BY: str(os.getpid()), "PYTHONPATH": path}
     with subprocess.Popen(
         command,
         preexec_fn=child.end_with_parent,  # noqa: PLW1509, before any thread
-        env=locked,
+        env=os.environ | {"PYTHONPATH": path},
         stderr=subprocess.PIPE,
         text=True,
         errors="replace",  # a path may be in another encoding

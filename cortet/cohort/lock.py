@@ -17,9 +17,6 @@ from typing import IO
 from cortet.errors import InputError
 
 NAME = ".cortet.lock"
-#: environment variable of a run whose parent holds the lock: the id of the parent
-HELD_BY = "CORTET_LOCK_HELD_BY"
-
 #: errors of file systems without locks
 _WITHOUT_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL}
 
@@ -42,7 +39,7 @@ def hold(folder: Path) -> IO[str]:
         file = (folder / NAME).open("a+", encoding="utf-8")
         _lock(file, folder, fcntl.LOCK_EX)
         file.truncate(0)
-        file.write(f"process {os.getpid()} on {socket.gethostname()}, started in {Path.cwd()}")
+        file.write(f"{_owner(os.getpid())}, started in {Path.cwd()}")
         file.flush()
     except OSError as error:
         what = f"cannot be written to: {error.strerror}"
@@ -51,17 +48,25 @@ def hold(folder: Path) -> IO[str]:
 
 
 def require_free(folder: Path) -> None:
-    """Raise InputError if another process has the lock of a folder. Nothing is written.
+    """Raise InputError if another process has the lock of a folder, unless it started this one. Nothing is written.
 
     This process must not have the lock: it would lose it.
     """
+    if is_held_by_parent(folder):
+        return
     with contextlib.suppress(OSError), (folder / NAME).open(encoding="utf-8") as file:
         _lock(file, folder, fcntl.LOCK_SH)
 
 
-def is_held_by_parent() -> bool:
-    """Whether the process that started this one holds the lock for it."""
-    return os.environ.get(HELD_BY) == str(os.getppid())
+def is_held_by_parent(folder: Path) -> bool:
+    """Whether the process that started this one holds the lock of a folder."""
+    with contextlib.suppress(OSError), (folder / NAME).open(encoding="utf-8") as file:
+        return file.read().startswith(f"{_owner(os.getppid())},")
+    return False
+
+
+def _owner(process: int) -> str:
+    return f"process {process} on {socket.gethostname()}"
 
 
 def _lock(file: IO[str], folder: Path, kind: int) -> None:

@@ -78,17 +78,6 @@ def failure_reason(log: Path) -> str:
     return "ended without a message: killed, or out of memory or time"
 
 
-def was_killed(log: Path) -> bool:
-    """Whether the job that wrote a log was killed, or failed because memory was short; more memory may then help.
-
-    A job that failed for another reason left an error in its log; a job that was stopped at its time limit left the
-    line where it was.
-    """
-    lines = _lines(log) if log.exists() else []
-    error = _last_error(lines)
-    return error.startswith("MemoryError") if error else not _place_of_stop(lines)
-
-
 def _lines(log: Path) -> list[str]:
     return log.read_text(encoding="utf-8", errors="replace").splitlines()
 

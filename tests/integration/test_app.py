@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -55,8 +56,8 @@ def dataset(tmp_path: Path) -> Path:
     return folder
 
 
-def run(installed: Path, *arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    (cwd / "settings.yaml").write_text(json.dumps({"certify": CONFIG["certify"]}))
+def run(installed: Path, *arguments: str, cwd: Path, **sections: Any) -> subprocess.CompletedProcess[str]:
+    (cwd / "settings.yaml").write_text(json.dumps({"certify": CONFIG["certify"], **sections}))
     code = "import sys; from cortet.cli import main; sys.exit(main())"
     command = [sys.executable, "-c", code, "run", *arguments]
     options = ["--config", "settings.yaml", "--cell-size", "4", "--cores", "2"]
@@ -132,16 +133,22 @@ def test_participants_then_the_group_with_the_conventional_words(
     described = {line.split("\t")[0] for line in (out / "descriptions.tsv").read_text().splitlines()}
     in_use = {re.search("desc-[A-Za-z0-9]+", path.name) for path in out.glob("sub-*/**/*_desc-*")}
     assert {found[0] for found in in_use if found} <= described
-    assert {path.suffix for path in (out / "logs").glob("CITATION.*")} == {".md", ".bib", ".tex", ".html"}
+    assert {path.suffix for path in (out / "logs").glob("CITATION.*")} == {".md", ".bib"}
 
     validator = Path(sys.executable).with_name("bids-validator-deno")
     checked = subprocess.run([validator, "--json", str(out)], capture_output=True, text=True, check=False)
     issues = json.loads(checked.stdout)["issues"]["issues"]
     assert [issue for issue in issues if issue["severity"] == "error"] == []
 
+    out = out.rename(tmp_path / "moved")
+    changed = {"clean": {"thresholds": [0.6]}}
+    plan = run(installed, "bids", "moved", "--dry-run", cwd=tmp_path, **changed).stdout.splitlines()
+    (line,) = [line for line in plan if line.startswith("  sub-01_ses-b_hemi-L: ")]
+    assert "clean" in line and "generate" not in line, "it remembers the settings after a move"
+
     (tmp_path / "bids/sub-01/ses-a/anat/sub-01_ses-a_hemi-L_white.surf.gii").write_text("not a surface")
     again = run(
-        installed, "bids", "out", "participant", "--participant-label", "01", "--session-label", "a", cwd=tmp_path
+        installed, "bids", "moved", "participant", "--participant-label", "01", "--session-label", "a", cwd=tmp_path
     )
     assert again.returncode == 1
     states = [line.split("\t") for line in (out / "cohort/cohort_status.tsv").read_text().splitlines()]

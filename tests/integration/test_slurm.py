@@ -40,7 +40,7 @@ def hashes(study: Study) -> dict[str, str]:
     }
 
 
-def test_slurm_makes_the_same_files_and_retries_only_what_was_killed(finished: Study, tmp_path: Path) -> None:
+def test_slurm_makes_the_same_files_and_tries_a_failed_job_again(finished: Study, tmp_path: Path) -> None:
     study = Study(tmp_path / "study")
     shutil.copytree(finished.folder / "surfaces", study.folder / "surfaces")
     bad = study.folder / "surfaces/c.surf.gii"
@@ -59,7 +59,7 @@ def test_slurm_makes_the_same_files_and_retries_only_what_was_killed(finished: S
         text=True,
         check=False,
     )
-    if "Building DAG of jobs" not in result.stdout + result.stderr:
+    if "NODELIST" not in result.stdout:
         pytest.skip(f"SLURM does not start on this machine: {result.stderr.strip().splitlines()[-1:]}")
     states = re.findall(r"^\d+ +(\w+) +rule_", result.stdout, flags=re.MULTILINE)
     assert result.returncode == 1, result.stdout + result.stderr
@@ -67,8 +67,7 @@ def test_slurm_makes_the_same_files_and_retries_only_what_was_killed(finished: S
         "sub-a_hemi-L": "certified",
         "sub-c_hemi-L": "failed",
     }
-    assert (result.stdout + result.stderr).count("not tried again") >= 2
     assert "not GIfTI" in study.status()["sub-c_hemi-L"]["reason"]
     assert hashes(study) == hashes(finished)
-    # the case in three jobs (S1 is not measured here), and the bad one, whose later attempts end at once
+    # the case in three jobs (S1 is not measured here), and the bad one, three times
     assert sorted(states) == ["COMPLETED"] * 3 + ["FAILED"] * 3

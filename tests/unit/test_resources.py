@@ -98,4 +98,4 @@ def test_the_profile_groups_every_rule_on_a_case_but_the_long_ones() -> None:
     rules |= {f"{stage.name}_inner" for stage in STAGES.values() if stage.alone and stage.name in COSTS}
     long = {"generate", "fold", "fold_figures", "folded_surface"}
     assert rules - grouped == long and grouped <= rules
-    assert profile["retries"] > 0 and "attempt=attempt" in profile["default-resources"]
+    assert profile["retries"] > 0

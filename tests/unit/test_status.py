@@ -8,9 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
-from cortet.cohort.status import COLUMNS, failure_reason, status_rows, was_killed
+from cortet.cohort.status import COLUMNS, failure_reason, status_rows
 from cortet.formats.tables import names, write_table
 from cortet.formats.tsv import read_tsv
 
@@ -65,21 +63,6 @@ def test_a_job_that_was_told_to_stop_says_where_it_was(tmp_path: Path) -> None:
     assert failure_reason(log).endswith("in fill, line 3 of /x/a.py")
 
 
-@pytest.mark.parametrize(
-    ("text", "killed"),
-    [
-        ("10:00 INFO begun\n", True),
-        ("10:00 INFO begun\n10:01 ERROR MemoryError: 3 GiB\n", True),
-        ("10:00 INFO begun\n10:01 ERROR a.gii: is open\n", False),
-        (f"10:00 INFO begun\n{STOPPED}", False),
-    ],
-)
-def test_only_a_job_that_was_killed_is_worth_more_memory(tmp_path: Path, text: str, killed: bool) -> None:
-    log = tmp_path / "job.log"
-    log.write_text(text)
-    assert was_killed(log) is killed
-
-
 def test_faulthandler_leaves_the_place_where_a_process_was_stopped(tmp_path: Path) -> None:
     log = tmp_path / "job.log"
     code = "import faulthandler, os, signal; faulthandler.register(signal.SIGTERM, file=2, chain=True)\n"
@@ -99,4 +82,3 @@ def test_a_job_that_hangs_in_a_library_ends_and_says_so(tmp_path: Path) -> None:
     assert reason.startswith(
         "took longer than 0:00:01 (hours:minutes:seconds), the time_limit, in <module>, line 1 of "
     )
-    assert not was_killed(tmp_path / "job.log")
