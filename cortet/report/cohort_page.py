@@ -55,10 +55,12 @@ _ORDER_IN_WORDS = (
     "Failed cases come first, then those that are not certified, then those closest to the limit. A name leads to the "
     "page of its mesh."
 )
-_AGE = {
-    "name": "Figure",
-    "alt": "Number of tetrahedra, mean q, worst q and distance of the surface to the mesh against gestational age, the "
-    "published cohort in grey behind; the table has the numbers",
+#: column of a panel of `figures.cohort_figure` -> what it shows, in words
+_SHOWS = {
+    "tets": "Number of tetrahedra",
+    "q_mean": "Mean q",
+    "q_max": "Worst q",
+    "surface_to_boundary_mean_mm": "Mean distance of the surface to the mesh",
 }
 
 
@@ -68,7 +70,7 @@ def write_cohort_page(
     path: str | Path,
     *,
     meshes: Sequence[Mapping[str, Any]],
-    figure: Path | None = None,
+    charts: Mapping[str, str] | None = None,
     maps: Mapping[Literal["L", "R"], Path] | None = None,
     tissues: Path | None = None,
     more: Sequence[OnPage] = (),
@@ -85,7 +87,7 @@ def write_cohort_page(
     meshes : per mesh `case`, `cell_size_mm`, `mesher` and `page`, the address of its page as seen from this page; also
         `thumbnail`, a small picture as a `data:` address, or None; and `scan_age` and `hemi`, so that meshes that
         were not measured show them, too
-    figure : SVG file of the cohort against age
+    charts : panels of `figures.cohort_figure`, column -> SVG
     maps : hemisphere, L or R -> PNG file of its maps on the common mesh
     tissues : `cohort_tissues.tsv`; None if no case has volumes
     more : parts of the page that neighbours bring
@@ -100,10 +102,14 @@ def write_cohort_page(
     rows = ordered(with_outliers(rows, _limit(explained.get("q_max", {}))))
     counts = _counts(rows)
     panels = [Panel("cases", "Cases", _cases(rows, explained, list(counts)))]
-    if figure:
+    if charts:
         aged = "scan_age" in rows and (rows["scan_age"] != MISSING).any()
-        shown = ("figure", {**_AGE, "svg": _figure(figure, "age")})
-        panels.append(Panel("age", "Against age" if aged else "By case", [shown]))
+        over = "against gestational age, over the published cohort in grey" if aged else "by case"
+        shown = [
+            (pages.embedded(svg, column), f"{_SHOWS[column]} {over}; the table has the numbers")
+            for column, svg in charts.items()
+        ]
+        panels.append(Panel("age", "Against age" if aged else "By case", [("charts", shown)]))
     if maps:
         panels.append(Panel("maps", "On the common mesh", [("maps", [_map_picture(*one) for one in maps.items()])]))
     panels += [panel for part in more for panel in part.panels()]
@@ -171,10 +177,6 @@ def _shown(row: Row) -> dict[str, Any]:
     case = {"text": row["case"], **links}
     state = {"text": row["state"], "why": ": ".join(told), "outlying": row["outlying"]}
     return {**row, "case": ("case", case), "state": ("state", state)}
-
-
-def _figure(file: Path, name: str) -> str:
-    return pages.embedded(file.read_text(encoding="utf-8"), name)
 
 
 def _map_picture(hemi: Literal["L", "R"], file: Path) -> dict[str, Any]:

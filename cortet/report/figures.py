@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ from cortet.formats.tsv import read_tsv
 from cortet.report import published
 from cortet.report.colours import BLUE, COLOURS, DARK_GREY, GREEN, GREY, VERMILION
 
-VERSION: int = 6
+VERSION: int = 7
 
 #: width of one column and of both columns of a two-column journal, inches
 COLUMN, PAGE = 3.5, 7.2
@@ -93,7 +93,7 @@ _NARROW = 36
 #: position of meshes of unknown age, beyond the end of the age axis: a fraction of its length
 _BESIDE = 1.06
 #: column of the quality table -> label of its panel
-_PANELS = {
+PANELS = {
     "tets": "tetrahedra (thousands)",
     "q_mean": f"mean {Q}",
     "q_max": Q_MAX,
@@ -152,7 +152,9 @@ def legend(figure: Figure, axes: Iterable[Axes], *, columns: int) -> None:
     figure.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=min(len(handles), columns))
 
 
-def cohort_figure(table: Path, *, limit: float | None = None, target: float | None = None) -> Figure:
+def cohort_figure(
+    table: Path, *, limit: float | None = None, target: float | None = None, panels: Sequence[str] = tuple(PANELS)
+) -> Figure:
     """Tetrahedra, mean q, worst q and fidelity of every mesh against gestational age, over the published cohort.
 
     If no age is known, meshes stand side by side in the order of the table, without the published ones.
@@ -166,9 +168,10 @@ def cohort_figure(table: Path, *, limit: float | None = None, target: float | No
     table : `cohort_quality.tsv`
     limit : of the worst q, drawn as a line; None draws none
     target : of the worst q, below which nothing is improved, drawn as a dotted line; None draws none
+    panels : columns of the table; a single one has the width of a column
     """
     rows, theirs = read_tsv(table), published.cohort()
-    numbers = ["cell_size_mm", "scan_age", *_PANELS]
+    numbers = ["cell_size_mm", "scan_age", *panels]
     rows[numbers] = rows[numbers].apply(pd.to_numeric, errors="coerce")  # an age may be n/a
     label_of_x = "gestational age (weeks)"
     if rows["scan_age"].isna().all():
@@ -176,46 +179,49 @@ def cohort_figure(table: Path, *, limit: float | None = None, target: float | No
         label_of_x = "case, in the order of the table"
     refused = rows[rows["verdict"] == "fail"] if "verdict" in rows else rows[:0]
     like = bool(np.isclose(rows["cell_size_mm"], published.CELL_SIZE).any())
-    with drawn(PAGE, 4.6) as figure:
-        axes = figure.subplots(2, 2, sharex=True).ravel()
-        for axis, (column, label) in zip(axes, _PANELS.items(), strict=True):
+    several = len(panels) > 1
+    end = 2 * _BESIDE - 1 if rows["scan_age"].isna().any() else 1  # beyond the meshes of unknown age
+    with drawn(*((PAGE, 4.6) if several else (COLUMN, 2.6))) as figure:
+        axes = figure.subplots(2 if several else 1, 2 if several else 1, sharex=True, squeeze=False).ravel()
+        if several:
+            letter(axes)
+        for axis, column in zip(axes, panels, strict=True):
             unit = 1000 if column == "tets" else 1
             _panel(axis, rows, theirs if column in theirs and (like or column != "tets") else None, column, unit)
             if len(refused):
                 mark = {"s": 22, "marker": "x", "color": "black", "linewidths": 0.8, "clip_on": False, "zorder": 3}
                 label_of = f"not certified ($n$ = {len(refused)})"
                 axis.scatter(refused["scan_age"], refused[column] / unit, label=label_of, **mark)
-            axis.set(xlabel=label_of_x, ylabel=label)
+            axis.set(xlabel=label_of_x, ylabel=PANELS[column])
             axis.tick_params(labelbottom=True)
             if rows["scan_age"].isna().any():
                 axis.annotate(
                     "age\nn/a", (_BESIDE, 0), xycoords="axes fraction", xytext=(0, -3), textcoords="offset points",
                     ha="center", va="top", fontsize="small", linespacing=0.9,
                 )  # fmt: skip
-        axes[0].xaxis.set_major_locator(MaxNLocator(8, integer=True))
-        axes[1].yaxis.set_major_locator(MaxNLocator(5))
-        letter(axes)
-        for axis in (axes[0], axes[3]):
-            axis.set_ylim(bottom=0)
-        low, high = axes[1].get_ylim()
-        axes[1].set_ylim(min(low, 0.125), max(high, 0.135))  # otherwise differences of 0.001 look large
-        if not like and len(theirs.columns):
-            for axis in axes[1:3]:
+            axis.xaxis.set_major_locator(MaxNLocator(8, integer=True))
+            if column == "q_mean":
+                axis.yaxis.set_major_locator(MaxNLocator(5))
+                low, high = axis.get_ylim()
+                axis.set_ylim(min(low, 0.125), max(high, 0.135))  # otherwise differences of 0.001 look large
+            elif column == "q_max":
+                for value, name, line in ((limit, "limit", "--"), (target, "target", ":")):
+                    if value is not None:
+                        axis.axhline(value, color="black", linestyle=line, linewidth=0.8)
+                        axis.annotate(
+                            f"{name}\n{value:g}", (end, value), xycoords=axis.get_yaxis_transform(), xytext=(3, 0),
+                            va="center", textcoords="offset points", fontsize="small", linespacing=0.9,
+                        )  # fmt: skip
+                if target is not None:
+                    axis.set_ylim(bottom=min(axis.get_ylim()[0], target - 0.03))
+            else:
+                axis.set_ylim(bottom=0)
+            if not like and column in theirs and column != "tets":
                 axis.annotate(
                     f"grey: {H} = {published.CELL_SIZE:g} mm", (0.02, 1), xycoords="axes fraction",
                     ha="left", va="bottom", fontsize="small", color=DARK_GREY,
                 )  # fmt: skip
-        end = 2 * _BESIDE - 1 if rows["scan_age"].isna().any() else 1  # beyond the meshes of unknown age
-        for value, name, line in ((limit, "limit", "--"), (target, "target", ":")):
-            if value is not None:
-                axes[2].axhline(value, color="black", linestyle=line, linewidth=0.8)
-                axes[2].annotate(
-                    f"{name}\n{value:g}", (end, value), xycoords=axes[2].get_yaxis_transform(), xytext=(3, 0),
-                    va="center", textcoords="offset points", fontsize="small", linespacing=0.9,
-                )  # fmt: skip
-        if target is not None:
-            axes[2].set_ylim(bottom=min(axes[2].get_ylim()[0], target - 0.03))
-        legend(figure, axes, columns=4)
+        legend(figure, axes, columns=4 if several else 2)
     return figure
 
 

@@ -12,6 +12,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -335,7 +336,7 @@ def cohort_page(plan: Plan) -> Results:
             plan.listed_on_page(),
             [list(plan.maps(hemi)) for hemi in _mapped(plan)],
             [part.facts for part in parts],
-            [plan.config.certify.q_max, plan.config.target, plan.config.figures.journal],
+            [_limits(plan), plan.config.figures.journal],
         ],
         lambda: _draw_and_write_page(plan),
     )
@@ -348,6 +349,11 @@ def _parts(plan: Plan) -> list[OnPage]:
 
 def _figure(plan: Plan) -> list[str]:
     return files_of(plan, "figure-cohort", ".svg", ".pdf", ".png")
+
+
+def _limits(plan: Plan) -> dict[str, Any]:
+    """The limit and the target of the worst q, which figures show."""
+    return {"limit": plan.config.certify.q_max, "target": plan.config.target}
 
 
 def _mapped(plan: Plan) -> list[Literal["L", "R"]]:
@@ -367,8 +373,7 @@ def _draw_and_write_page(plan: Plan) -> None:
     from cortet.report.figures import cohort_figure, look, save
 
     with look(plan.config.figures.journal):
-        table = Path(_tables(plan)["quality"][0])
-        save(cohort_figure(table, limit=plan.config.certify.q_max, target=plan.config.target), *_figure(plan))
+        save(cohort_figure(Path(_tables(plan)["quality"][0]), **_limits(plan)), *_figure(plan))
         for hemi in _mapped(plan):
             if maps := plan.maps(hemi):
                 write_maps(list(maps.items()), *_maps(plan, hemi))
@@ -387,11 +392,12 @@ def _write_page(plan: Plan, *, began: str = "") -> None:
     began : when a run began that has not ended; empty if none runs
     """
     from cortet.report.cohort_page import write_cohort_page
+    from cortet.report.figures import PANELS, cohort_figure, svg
     from cortet.report.pages import data_uri
 
     tables = {name: [Path(path) for path in paths] for name, paths in _tables(plan).items()}
-    figure, dataset = Path(_figure(plan)[0]), plan.config.cohort.dataset
-    measured = bool(plan.measured_certificates()) and tables["quality"][0].exists()
+    dataset, measured = plan.config.cohort.dataset, bool(plan.measured_certificates()) and tables["quality"][0].exists()
+    draw = partial(cohort_figure, tables["quality"][0], **_limits(plan))
     small = [Path(path) for path in plan.each_case(plan.layout.thumbnail).values()]
     meshes = [
         {**row, "thumbnail": data_uri(file.read_bytes(), "image/webp") if file.exists() else None}
@@ -403,7 +409,7 @@ def _write_page(plan: Plan, *, began: str = "") -> None:
         (tables["quality"][0], tables["quality"][1]) if measured else None,
         plan.layout.cohort_page,
         meshes=meshes,
-        figure=figure if measured and figure.exists() else None,
+        charts={column: svg(draw(panels=[column])) for column in PANELS} if measured else {},
         maps={hemi: picture for hemi, picture in pictures.items() if picture.exists()},
         tissues=tables["tissues"][0] if plan.tissue_tables() else None,
         more=[part for part in _parts(plan) if all(Path(path).exists() for path in part.files)],

@@ -59,7 +59,7 @@ def thumbnail(surface: TriSurface | None, hemi: Literal["L", "R"] | None) -> byt
     image = np.zeros((*_THUMBNAIL[::-1], 4), np.uint8)
     if surface is not None and len((drawable := measurable(surface)).faces):
         with contextlib.suppress(StageError):
-            image = surface_view(drawable, side=hemi or "L", size=_THUMBNAIL)
+            image = surface_view(drawable, side=hemi or "L", size=_THUMBNAIL, framed=False)
     return webp(image)
 
 

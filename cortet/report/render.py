@@ -6,7 +6,7 @@ import io
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import matplotlib.image
 import numpy as np
@@ -23,7 +23,7 @@ from cortet.measure.quality import quality
 from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface
 from cortet.report.colours import REGION_COLOURS
 
-VERSION: int = 5
+VERSION: int = 6
 
 #: colours that colour-blind readers tell apart; worse elements are darker
 COLOURS = "viridis_r"
@@ -72,6 +72,8 @@ _CUT_LOOK = {
 #: directions in a picture: along its width, its height and the view; lengths of scale bars, mm
 _DIRECTIONS = (("on the left", "on the right"), ("down", "up"), ("away from you", "towards you"))
 _BARS = (1, 2, 5, 10, 20, 50)
+#: room for the words below a bar, a share of the height; their colour, which shows on white and on black
+_BELOW, _INK = 0.12, "#767676"
 _REGION_LOOK = {"show_edges": True, "edge_color": "#303030", "line_width": 0.6, "ambient": 0.5, "diffuse": 0.5}
 
 
@@ -116,24 +118,46 @@ def picture(
             _add_regions(plotter, shell, names={number: name for name, number in tags.regions(mesh).items()})
         else:
             plotter.add_mesh(shell, **_CUT_LOOK, scalar_bar_args=SCALE)
-        points, shape, bar = np.asarray(shell.points, float), ROOM * size[0] / size[1], _bar(shell, k, view)
-        plotter.add_lines(bar, color="black", width=max(size[1] // 240, 2))
-        framed = np.concatenate([points, bar])
-        if view is None:
-            _aim(plotter.camera, framed, k, width_to_height=shape)
-        else:
-            _aim(plotter.camera, framed, *_VIEWS[view], beside=0, above=0, width_to_height=shape)
-        lines = [f"bar {np.linalg.norm(bar[1] - bar[0]):.0f} mm", *_directions(plotter.camera)]
-        text = "\n".join([*lines, where] if position < 1 else lines)
-        plotter.add_text(text, position=(0.02, 0.03), viewport=True, font_size=max(size[1] // 130, 5), color="black")
+        from_side = {"above": 0.0, "beside": 0.0} if view else {}
+        across, towards = _VIEWS[view] if view else (k, 1)
+        said = where if position < 1 else ""
+        _frame(plotter, np.asarray(shell.points, float), across, towards, said, room=ROOM, **from_side)
         with atomic_path(path) as temporary:
             plotter.screenshot(temporary)
 
 
-def _bar(shell: pyvista.PolyData, k: int, view: View | None) -> FloatArray:
-    """Ends of a scale bar (2, 3) below what is seen, in the plane of the cut, or before all of it, across the view."""
-    low, high = (np.asarray(shell.points, float).min(axis=0), np.asarray(shell.points, float).max(axis=0))
-    across, towards = (k, 1) if view is None else _VIEWS[view]
+def _frame(
+    plotter: pyvista.Plotter,
+    points: FloatArray,
+    across: int,
+    towards: float,
+    said: str = "",
+    *,
+    room: float = 1.0,
+    **aim: float,
+) -> None:
+    """Fill a share `room` of the width with points, as `_aim` sees them; below stand a scale bar and directions."""
+    width, height = plotter.window_size
+    bar, up = _bar(points, across, towards), 1 if across == 2 else 2
+    below = bar - _BELOW * np.ptp(points[:, up]) * np.eye(3)[up]
+    shown, camera = np.concatenate([points, bar, below]), plotter.camera
+    _aim(camera, shown, across, towards, width_to_height=room * width / height, **aim)
+    plotter.add_lines(bar, color=_INK, width=max(height // 150, 2))
+    right, above, _ = (bar.mean(axis=0) - camera.focal_point) @ _axes(camera).T / (2 * camera.parallel_scale)
+    lines = [f"{np.linalg.norm(bar[1] - bar[0]):.3g} mm", ", ".join(_directions(camera)), said]
+    text = plotter.add_text(
+        "\n".join(filter(None, lines)),
+        position=(0.5 + right * height / width, 0.49 + above),
+        viewport=True,
+        font_size=max(height // 75, 5),
+        color=_INK,
+    )
+    text.prop.justification_horizontal, text.prop.justification_vertical = "center", "top"
+
+
+def _bar(points: FloatArray, across: int, towards: float) -> FloatArray:
+    """Ends of a scale bar (2, 3) below points, before all of them as seen along an axis."""
+    low, high = points.min(axis=0), points.max(axis=0)
     up = 1 if across == 2 else 2
     along = 3 - across - up
     length = max((bar for bar in _BARS if 4 * bar <= high[along] - low[along]), default=(high - low)[along] / 4)
@@ -146,10 +170,7 @@ def _bar(shell: pyvista.PolyData, k: int, view: View | None) -> FloatArray:
 
 def _directions(camera: pyvista.Camera) -> list[str]:
     """Where anterior, superior and left are in a picture, RAS coordinates: ``anterior towards you``."""
-    towards = np.subtract(camera.position, camera.focal_point)
-    right = np.cross(camera.up, towards)
-    frame = np.stack([axis / np.linalg.norm(axis) for axis in (right, np.cross(towards, right), towards)])
-    found = []
+    frame, found = _axes(camera), []
     for name, axis, sign in (("anterior", 1, 1), ("superior", 2, 1), ("left", 0, -1)):
         seen = sign * frame[:, axis]
         most = int(np.abs(seen).argmax())
@@ -157,8 +178,15 @@ def _directions(camera: pyvista.Camera) -> list[str]:
     return found
 
 
+def _axes(camera: pyvista.Camera) -> FloatArray:
+    """Unit vectors to the right, upwards and towards the viewer: (3, 3)."""
+    towards = np.subtract(camera.position, camera.focal_point)
+    right = np.cross(camera.up, towards)
+    return np.stack([axis / np.linalg.norm(axis) for axis in (right, np.cross(towards, right), towards)])
+
+
 def cut_view(mesh: TetMesh, *, regions: bool = False, size: tuple[int, int] = (1200, 900)) -> NDArray[np.uint8]:
-    """The same picture at the middle of y, without plane and scale: (height, width, 4), transparent around the mesh.
+    """The same picture at the middle of y, without the colours of q: (height, width, 4), transparent around the mesh.
 
     Parameters
     ----------
@@ -174,7 +202,7 @@ def cut_view(mesh: TetMesh, *, regions: bool = False, size: tuple[int, int] = (1
             _add_regions(plotter, shell)
         else:
             plotter.add_mesh(shell, **_CUT_LOOK, show_scalar_bar=False)
-        _aim(plotter.camera, np.asarray(shell.points, float), _AXES["y"], width_to_height=size[0] / size[1])
+        _frame(plotter, np.asarray(shell.points, float), _AXES["y"], 1)
         return _cut_out(plotter)
 
 
@@ -187,6 +215,7 @@ def surface_view(
     lowest: float = 0.0,
     darkest: float | None = None,
     colours: str | Colormap = "Greys",
+    framed: bool = True,
 ) -> NDArray[np.uint8]:
     """A surface from the left or the right of the head; open and branching edges are drawn over it.
 
@@ -199,6 +228,7 @@ def surface_view(
     lowest : mm
     darkest : mm; None: the largest distance
     colours : colour map of the distances, of matplotlib or as it names it
+    framed : whether a scale bar and the directions stand below it
 
     Returns
     -------
@@ -222,9 +252,11 @@ def surface_view(
             )
         if wrong.n_points:
             plotter.add_mesh(wrong, color=BEYOND, line_width=4, lighting=False)
-        middle, extent = (surface.points.min(axis=0) + surface.points.max(axis=0)) / 2, np.ptp(surface.points, axis=0)
-        half_height = MARGIN * max(extent[2], extent[1] * size[1] / size[0]) / 2
-        _look_from(plotter.camera, middle, side, distance=10 * float(extent.max()), half_height=half_height)
+        look: Any = {"across": 0, "towards": -1.0 if side == "L" else 1.0, "above": 0.0, "beside": 0.0}
+        if framed:
+            _frame(plotter, surface.points, **look)
+        else:
+            _aim(plotter.camera, surface.points, width_to_height=size[0] / size[1], **look)
         return _cut_out(plotter)
 
 
@@ -389,15 +421,15 @@ def _skin(mesh: TetMesh, kept: NDArray[np.bool_]) -> pyvista.PolyData:
 def _aim(
     camera: pyvista.Camera,
     points: FloatArray,
-    k: int,
+    across: int,
     towards: float = 1.0,
     *,
     width_to_height: float,
     above: float = 0.3,
     beside: float = 0.4,
 ) -> None:
-    """Look along axis k from the side `towards`, of a cut its open one, from above and beside, and fill the picture."""
-    up, along = np.eye(3)[1 if k == 2 else 2], towards * np.eye(3)[k]
+    """Look along an axis from the side `towards`, of a cut the open one, from above and beside; fill the picture."""
+    up, along = np.eye(3)[1 if across == 2 else 2], towards * np.eye(3)[across]
     view = along + above * up - beside * np.cross(up, along)
     view /= np.linalg.norm(view)
     right = np.cross(up, view) / np.linalg.norm(np.cross(up, view))

@@ -74,6 +74,12 @@ def test_meshes_of_unknown_age_stand_beyond_the_axis_of_ages(tmp_path: Path) -> 
         assert not beside.get_clip_on() and "age\nn/a" in [text.get_text() for text in axis.texts]
 
 
+def test_a_panel_may_stand_alone(tmp_path: Path) -> None:
+    (tmp_path / "table.tsv").write_text(HEADER + ROWS)
+    (axis,) = cohort_figure(tmp_path / "table.tsv", limit=0.6, panels=["q_max"]).axes
+    assert axis.get_ylabel() == r"$q_\mathrm{max}$" and [line.get_ydata()[0] for line in axis.lines] == [0.6]
+
+
 def test_panels_have_letters(figure: Figure) -> None:
     assert [axis.texts[0].get_text() for axis in figure.axes] == ["a", "b", "c", "d"]
 

@@ -67,8 +67,8 @@ def test_the_cut_can_lie_anywhere_along_any_axis(tmp_path: Path) -> None:
 def test_the_plane_of_the_cut_is_named(tmp_path: Path) -> None:
     for name, axis in (("x", "x"), ("y", "y")):
         picture(cube_mesh(2, side=10.0), tmp_path / f"{name}.png", axis=axis, size=(400, 300))  # type: ignore[arg-type]
-    x, y = (matplotlib.image.imread(tmp_path / f"{name}.png")[-14:, :90, :3] for name in "xy")
-    assert x.min() < 0.5 and (x != y).any() and np.abs(x[:, 60:] - y[:, 60:]).max() == 0  # "cut at x = ", "cut at y = "
+    x, y = (pixels(tmp_path / f"{name}.png")[-30:].astype(int) for name in "xy")
+    assert x.min() < 200 and (x != y).any()  # "cut at x = ", "cut at y = "
 
 
 def test_a_side_shows_the_mesh_from_there(tmp_path: Path) -> None:
@@ -78,8 +78,8 @@ def test_a_side_shows_the_mesh_from_there(tmp_path: Path) -> None:
     shape = {}
     for view in ("left", "front", "top"):
         picture(slab, tmp_path / "a.png", position=1, view=view, size=(800, 600))
-        inked = matplotlib.image.imread(tmp_path / "a.png")[:560, 200:, :3].min(axis=2) < 0.99
-        rows, columns = np.flatnonzero(inked.any(axis=1)), np.flatnonzero(inked.any(axis=0))
+        coloured = np.ptp(matplotlib.image.imread(tmp_path / "a.png")[:, 200:, :3], axis=2) > 0.1
+        rows, columns = np.flatnonzero(coloured.any(axis=1)), np.flatnonzero(coloured.any(axis=0))
         shape[view] = (np.ptp(columns) / np.ptp(rows)).round(1)
     assert shape == pytest.approx({"left": 6, "front": 3, "top": 0.5}, rel=0.2)  # edges have a width
 
@@ -98,7 +98,7 @@ def test_regions_have_their_colours_and_a_mesh_without_any_is_refused(tmp_path: 
 def test_a_cut_has_a_scale_bar_in_its_plane_and_says_where_anterior_is() -> None:
     mesh = cube_mesh(4, side=50.0)
     shell = _cut(mesh, 1, 0.5)
-    bar = _bar(shell, 1, None)
+    bar = _bar(np.asarray(shell.points), 1, 1)
     assert np.abs(bar[1] - bar[0]).tolist() == [10, 0, 0]
     assert bar[0, 1] == np.asarray(shell.points)[:, 1].max() and bar[0, 2] < 0
     with off_screen((200, 150)) as plotter:
