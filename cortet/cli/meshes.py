@@ -47,9 +47,11 @@ def quality(file: MeshFile, /, *, json: bool = False, _: Common = Common()) -> i
     --------
     cortet quality lh.vtu
     """
-    from cortet.measure.quality import summarise
+    from cortet.measure.quality import signed_volumes, summarise
+    from cortet.stages.gate import require_size
 
-    found = summarise(read_mesh(file))
+    mesh = read_mesh(file)
+    found = summarise(mesh)
     if json:
         print(json_format.dumps(asdict(found), indent=2, allow_nan=False))
         return 0
@@ -67,6 +69,11 @@ def quality(file: MeshFile, /, *, json: bool = False, _: Common = Common()) -> i
     }
     for name, value in rows.items():
         print(f"{name:<18}{value}")
+    extents, volumes = mesh.points.max(axis=0) - mesh.points.min(axis=0), signed_volumes(mesh.points, mesh.cells)
+    try:
+        require_size(extents, float(abs(volumes).sum()) / 1000, option="cortet convert --source-unit")
+    except InputError as error:
+        print(f"{'warning':<18}{error}")
     return 0
 
 

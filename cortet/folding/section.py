@@ -118,7 +118,7 @@ class Fold(Section):
     """Length of the low-pass filter that takes ripples off the surface before it folds, mm: waves of 2, 4, 6 and 10
     times the length keep 8, 57, 84 and 97 % of their height. Voxels make such ripples, and folds would grow from them.
     0: none. null: that of the model; of growing 1, of braingrowth 0."""
-    time_step: Positive | None = None
+    time_step: Annotated[float, Field(ge=1e-8, le=1)] | None = None
     """Largest dimensionless time step; null: as long as stability allows, measured at
     each row of the table."""
     reference: bool = False

@@ -273,10 +273,13 @@ def test_bad_options_are_refused_before_any_work(
 
 
 def test_quality_prints_a_table_and_the_record_on_request(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    vtu.write(cube_mesh(2), tmp_path / "cube.vtu")
+    vtu.write(cube_mesh(2, side=20.0), tmp_path / "cube.vtu")
     assert main(["quality", str(tmp_path / "cube.vtu")]) == 0
     table = capsys.readouterr().out
     assert "tetrahedra        48" in table and len(table.splitlines()) == 10
+    vtu.write(cube_mesh(2, side=0.02), tmp_path / "metres.vtu")
+    assert main(["quality", str(tmp_path / "metres.vtu")]) == 0
+    assert "in m," in capsys.readouterr().out
     assert main(["quality", str(tmp_path / "cube.vtu"), "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
     assert record["tets"] == 48 and f"worst {record['q']['max']:.4f}" in table
@@ -497,7 +500,7 @@ def test_a_reader_that_has_enough_is_no_error(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("step", "words"),
-    [("1", "time step 1 "), ("1e-9", "time step 1e-09 "), ("0", "fold.time_step = 0.0")],
+    [("1", "time step 1 "), ("1e-7", "time step 1e-07 "), ("1e-9", "fold.time_step = 1e-09")],
 )
 def test_a_time_step_that_is_not_stable_is_refused(
     step: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
