@@ -28,7 +28,8 @@ ORDER = (
     *("quality", "certify"),
     *AFTER_CERTIFICATE,
 )
-#: why a mesh with a certificate is unfinished
+#: why a mesh is unfinished although its case has one
+_OTHER_SIZE = "its mesh has another cell size or mesher, and no run made the one that is asked for now"
 _OTHER = "its mesh was made with other settings, or of another surface, than the present ones"
 
 
@@ -100,7 +101,10 @@ def _state(plan: Plan, mesh: Mesh, of_case: Sequence[Failure]) -> dict[str, Any]
     files = plan.layout.solver_files(plan.config.export.formats, plan.config.export.ten_nodes)
     reason = "the run ended before"
     if stage := first_other_stage(plan, mesh):
-        if Path(plan.layout.certificate.format(**job)).exists():
+        of_any = Path(plan.layout.certificate.format(**{**job, "res": "*", "mesher": "*"}))
+        if not Path(plan.layout.certificate.format(**job)).exists():
+            reason = _OTHER_SIZE if any(of_any.parent.glob(of_any.name)) else reason
+        else:
             reason = f"{_OTHER}; `snakemake --forcerun {_rule_of(stage)}` makes it again"
     elif any(not Path(pattern.format(**job)).exists() for pattern in files):
         stage = "export"
