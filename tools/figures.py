@@ -38,9 +38,8 @@ from cortet.meshes import TetMesh, TriSurface
 from cortet.phantoms import phantom
 from cortet.report.figures import PAGE, drawn
 from cortet.report.figures import save as save_figure
-from cortet.report.render import REGION_COLOURS, cut_view, surface_view
+from cortet.report.render import REGION_COLOURS, surface_view
 from cortet.report.slices import draw_section
-from cortet.solver_files.sets import with_regions
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -142,8 +141,9 @@ def head() -> None:
     mesh = ("mesh", "head/pial.surf.gii")
     run(*mesh, *inner, *more, "--cell-size", 1.5, "-o", "head.vtu", "--slices", "slices.png")
     save(PIL.Image.open("slices.png"), "slices.png", width=1640)
-    run(*mesh, "--inner", "white=head/white.surf.gii", "--shell", 2, "--cell-size", 2, "-o", "shell.vtu")
-    save(cut_view(with_regions(vtu.read("shell.vtu"), ["cortex", "white"]), regions=True), "shell.png")
+    shell = ("--inner", "white=head/white.surf.gii", "--shell", 2)
+    run(*mesh, *shell, "--cell-size", 2, "-o", "shell.vtu", "--picture", "shell.png")
+    save(PIL.Image.open("shell.png"), "shell.png")
 
 
 def common() -> None:

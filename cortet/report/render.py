@@ -149,7 +149,7 @@ def _frame(
         "\n".join(filter(None, lines)),
         position=(0.5 + right * height / width, 0.49 + above),
         viewport=True,
-        font_size=max(height // 75, 5),
+        font_size=max(height // 60, 5),
         color=_INK,
     )
     text.prop.justification_horizontal, text.prop.justification_vertical = "center", "top"
