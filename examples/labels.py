@@ -16,7 +16,7 @@ picture = pyvista.Plotter(off_screen=True, window_size=(800, 600))
 for number, colour in enumerate(("#0072B2", "#E69F00", "#009E73", "#CC79A7")):  # colour-blind readers tell them apart
     parcel = grid.extract_cells(grid.cell_data["lobe"] == number)
     picture.add_mesh(parcel, color=colour, label=f"parcel {number}")
-picture.add_legend(bcolor=None, face="rectangle", loc="lower left", size=(0.16, 0.16))
+picture.add_legend(bcolor=None, face="rectangle", loc="lower left", size=(0.13, 0.12))
 picture.add_text("lateral side, anterior on the left", font_size=9)
 picture.show_bounds(xtitle="", ytitle="y (mm)", ztitle="z (mm)", show_xaxis=False, show_xlabels=False, font_size=9)
 picture.view_vector((-1, 0, 0), viewup=(0, 0, 1))
