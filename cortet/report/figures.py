@@ -199,7 +199,7 @@ def cohort_figure(
                     "age\nn/a", (_BESIDE, 0), xycoords="axes fraction", xytext=(0, -3), textcoords="offset points",
                     ha="center", va="top", fontsize="small", linespacing=0.9,
                 )  # fmt: skip
-            axis.xaxis.set_major_locator(MaxNLocator(8, integer=True))
+            axis.xaxis.set_major_locator(MaxNLocator(8, integer=True, min_n_ticks=1))
             if column == "q_mean":
                 axis.yaxis.set_major_locator(MaxNLocator(5))
                 low, high = axis.get_ylim()

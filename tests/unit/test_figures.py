@@ -60,6 +60,8 @@ def test_without_ages_meshes_stand_by_case(tmp_path: Path) -> None:
     (points,) = axis.collections
     assert np.asarray(points.get_offsets()).tolist() == [[1, 4], [2, 5]]
     assert axis.get_xlabel().startswith("case")
+    table.write_text(HEADER + "sub-4\tL\tn/a\t0.6\t4000\t0.129\t0.4\t0.03\n")
+    assert all(float(case).is_integer() for case in cohort_figure(table).axes[0].get_xticks())
 
 
 def test_meshes_of_unknown_age_stand_beyond_the_axis_of_ages(tmp_path: Path) -> None:
