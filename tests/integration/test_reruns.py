@@ -61,6 +61,16 @@ def test_a_report_reads_certificates_of_an_earlier_cortet_and_leaves_out_damaged
     assert study.status()["sub-b_hemi-L"]["state"] == "unfinished" and "sub-b" not in table.read_text()
 
 
+def test_a_case_whose_mesh_has_another_cell_size_says_so(study: Study) -> None:
+    file = study.outputs / ".cortet/run.json"
+    run = json.loads(file.read_text())
+    run["config"]["generate"]["cell_size"] = [3.7]
+    file.write_text(json.dumps(run))
+    report(study.outputs)
+    for row in study.status().values():
+        assert row["state"] == "unfinished" and "another cell size" in row["reason"]
+
+
 def test_a_certificate_that_was_deleted_is_made_again(study: Study) -> None:
     (certificate,) = study.files("sub-a*certificate.json")
     certificate.unlink()
