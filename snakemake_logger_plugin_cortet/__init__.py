@@ -29,6 +29,8 @@ _LAST, _FOLD = "certify", "fold"
 _AFTER = {
     *("volumes", "export", "ten_nodes", "case_page", "case_maps", "fold", "fold_figures", "folded_surface"),
 }
+#: rules that refuse a mesh that is not certified
+_EXPORTS = ("export", "ten_nodes")
 #: exceptions of a failed job, of which our own line says why
 _OF_JOBS = ("RuleException", "CalledProcessError")
 #: what Snakemake says when somebody stops it, of which there is no event; and the last line of the log of a job then
@@ -62,8 +64,9 @@ class Progress:
     running: dict[int, Job] = field(default_factory=dict)
     #: case -> when its first job began; jobs over all cases have an empty name, here and below
     starts: dict[str, float] = field(default_factory=dict)
-    #: cases with a job that failed
+    #: cases with a job that failed, and meshes that are not certified: none of their files for solvers is made
     failures: set[str] = field(default_factory=set)
+    uncertified: set[str] = field(default_factory=set)
     #: whether somebody has stopped the run
     stopped: bool = False
     #: case -> how many jobs of each rule it has in a dry run
@@ -101,6 +104,7 @@ class Progress:
         verdict, why = "certified", ""
         if not record["certified"]:
             verdict, why = "not certified", f": {'; '.join(record['reasons'])}"
+            self.uncertified.add(job.mesh)
         numbers = f"worst q {record['quality']['q']['max']:.3f}, {record['quality']['tets']:,} tetrahedra"
         return f"{self._counted(job)}  {verdict}, {numbers}, {self._minutes(self.starts[job.case])}{self.left()}{why}"
 
@@ -111,6 +115,8 @@ class Progress:
         if job is None or self.stopped:
             return ""
         self.failures.add(job.case)
+        if job.rule in _EXPORTS and job.mesh in self.uncertified:
+            return ""
         if job.rule not in _AFTER:
             self.finished |= {job.mesh} - {""}
         where = f"\n{' ' * len(self._counter())}more in {log}" if log else ""

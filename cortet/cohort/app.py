@@ -70,8 +70,8 @@ _CONFIG = """# What differs from the defaults; `cortet config` prints every key 
 # The surfaces to mesh: `cortet cohort scan DATASET -o cohort.tsv` writes the sheet.
 cohort: {sheet: cohort.tsv}
 
-# Size of the tetrahedra, mm. Begin with 1.6.
-generate: {cell_size: [0.6]}
+# Size of the tetrahedra, mm. The paper has 0.6; begin with large ones.
+generate: {cell_size: [1.6]}
 
 # Files for solvers: vtu, abaqus, febio, fenics, braingrowth, gmsh, nastran, carp, ...
 export: {formats: [vtu]}

@@ -44,8 +44,8 @@ def _coarse(regions: Sequence[RegionRecord], cell_size: float | None) -> Iterato
     for region in regions:
         across = region.edges_across
         if region.name == OUTERMOST and across and across.median < _ACROSS:
-            size = f"; a cell size of {cell_size * across.median / _ACROSS:.2g} mm gives {_ACROSS}" if cell_size else ""
-            yield f"the {OUTERMOST} has a median of {across.median:g} elements across, too few for mechanics{size}"
+            fine = f"; {cell_size * across.median / _ACROSS:.2g} mm is small enough for {_ACROSS}" if cell_size else ""
+            yield f"the {OUTERMOST} has a median of {across.median:g} elements across, too few for mechanics{fine}"
 
 
 def _gaps(reports: Mapping[str, Any], parameters: Mapping[str, Any]) -> Iterator[str]:

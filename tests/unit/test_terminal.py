@@ -58,6 +58,8 @@ def test_a_mesh_that_is_not_certified_says_why(tmp_path: Path) -> None:
     run.started(2, "certify", WILDCARDS, [str(certificate(tmp_path, certified=False))])
     line = run.ended(2)
     assert "not certified" in line and line.endswith(": worst q is 0.7; it has a void")
+    run.started(3, "export", WILDCARDS)
+    assert run.failed(3, str(tmp_path / "export.log")) == "", "that it is not exported follows"
 
 
 def test_a_fold_is_one_line_with_its_verdict(tmp_path: Path) -> None:
