@@ -54,7 +54,7 @@ rule cohort_page:
         runtime=60,
     params:
         facts=facts_of("cohort_page"),
-        version=versions("report.pages", "report.figures", "report.cohort_maps", "folding.cohort_folding"),
+        version=versions("report.pages", "report.figures", "report.cohort_maps"),
     script:
         "../scripts/over_all.py"
 

@@ -65,20 +65,6 @@ rule everything:
         rules.all.input,
     localrule: True
 '''
-_CONFIG = """# What differs from the defaults; `cortet config` prints every key with its meaning.
-
-# The surfaces to mesh: `cortet cohort scan DATASET -o cohort.tsv` writes the sheet.
-cohort: {sheet: cohort.tsv}
-
-# Size of the tetrahedra, mm. The paper has 0.6; begin with large ones.
-generate: {cell_size: [1.6]}
-
-# Files for solvers: vtu, abaqus, febio, fenics, braingrowth, gmsh, nastran, carp, ...
-export: {formats: [vtu]}
-
-# Where everything goes.
-output: derivatives/cortet
-"""
 
 
 @dataclass(frozen=True)
@@ -145,9 +131,10 @@ def write_workflow(folder: Path) -> list[Path]:
     if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
         raise InputError("is not empty", file=folder, remedy="name an empty or a new folder")
     profiles = (Path("profiles/default/profile.v9+.yaml"), Path("profiles/slurm/config.yaml"))
+    config = (workflow() / "config.yaml").read_text(encoding="utf-8")
     texts = {
         Path("Snakefile"): _SNAKEFILE,
-        Path("config.yaml"): _CONFIG,
+        Path("config.yaml"): config.replace("sheet: demo/cohort.tsv", "sheet: cohort.tsv"),
         **{profile: (workflow() / profile).read_text(encoding="utf-8") for profile in profiles},
     }
     for file, text in texts.items():

@@ -17,7 +17,6 @@ from pydantic.fields import FieldInfo
 from cortet.config.model import Config
 from cortet.config.settings import SETTINGS
 from cortet.errors import InputError
-from cortet.formats.atomic import atomic_path
 from cortet.formats.untrusted import content
 from cortet.sections import Section
 
@@ -45,12 +44,6 @@ def render(data: Mapping[str, Any]) -> str:
         "# `snakemake --config setting=published generate='{cell_size: 1.0}'`.\n"
     )
     return head + "".join(_rendered(Config, data, SETTINGS, indent=0, commented=False))
-
-
-def refresh(path: Path | str) -> None:
-    """Rewrite a configuration file: keys that are set stay; documentation and all other keys come from the model."""
-    with atomic_path(path) as temporary:
-        temporary.write_text(render(read(Path(path))), encoding="utf-8")
 
 
 def read(path: Path) -> dict[str, Any]:

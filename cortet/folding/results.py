@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from cortet.cohort.failures import why_missing
 from cortet.cohort.layout import beside
 from cortet.cohort.plan import Plan
+from cortet.config import version_of
 from cortet.folding.plan import Folds
 from cortet.neighbours import OnPage
 from cortet.report.over_all import files_of
@@ -39,4 +40,4 @@ def on_page(plan: Plan) -> OnPage | None:
         return [panel(Path(files[0]), Path(files[2]), seen)]
 
     inputs = [str(Path(path).with_name(name)) for path in runs for name in ("verdict.json", "fold.tsv")]
-    return OnPage(files, inputs, list(runs.values()), write, panels)
+    return OnPage(files, inputs, [version_of("folding.cohort_folding"), *runs.values()], write, panels)
