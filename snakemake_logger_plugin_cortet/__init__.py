@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import sys
+import threading
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -35,6 +36,8 @@ _EXPORTS = ("export", "ten_nodes")
 _OF_JOBS = ("RuleException", "CalledProcessError")
 #: what Snakemake says when somebody stops it, of which there is no event; and the last line of the log of a job then
 _TERMINATING, _INTERRUPTED, _STOPPED = "Terminating processes on user request", "KeyboardInterrupt", "stopped by you"
+#: part of the name of what the timers of Snakemake's queue call
+_QUEUE = "JobScheduler"
 #: a live line is cut there, so that it stays one
 _WIDTH = 100
 #: seconds of silence after which a log file, which has no live line, gets one
@@ -169,6 +172,17 @@ def reason(log: str) -> str:
     return found[-1] if found else "it was killed, or ended without a word"
 
 
+def end_older_timers() -> None:
+    """End all timers of Snakemake's queue but the last.
+
+    Snakemake 9 starts a timer at every look at its queue, and each ends in another look. So every finished job adds one
+    look per second, for good: after hundreds of jobs its own process takes a core.
+    """
+    queue = [one for one in threading.enumerate() if isinstance(one, threading.Timer) and _QUEUE in str(one.function)]
+    for timer in queue[:-1]:
+        timer.cancel()
+
+
 class LogHandler(LogHandlerBase):
     """Snakemake's logger plugin `cortet`: it sees every event, and has its own words unless all is to be shown."""
 
@@ -220,6 +234,7 @@ class LogHandler(LogHandlerBase):
                 wildcards = dict(known["wildcards"] or {})
                 progress.started(known["jobid"], known["rule_name"], wildcards, list(known["output"]))
             case LogEvent.JOB_FINISHED:
+                end_older_timers()
                 yield progress.ended(known["job_id"])
             case LogEvent.JOB_ERROR:
                 yield progress.failed(known["jobid"], next(iter(known["log"] or []), ""))
