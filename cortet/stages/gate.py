@@ -70,7 +70,6 @@ class GateReport:
     crossing_faces_repaired: int
     #: vertices that the repair moved, and how far
     repair_moved_vertices: int
-    repair_mean_displacement_mm: float
     repair_max_displacement_mm: float
 
 
@@ -130,7 +129,6 @@ def gate(
         faces_reoriented=reoriented,
         crossing_faces_repaired=crossing,
         repair_moved_vertices=len(moved),
-        repair_mean_displacement_mm=float(moved.mean()) if len(moved) else 0.0,
         repair_max_displacement_mm=float(moved.max(initial=0)),
     )
 

@@ -6,7 +6,6 @@ import logging
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 
 from cortet.errors import InputError
 from cortet.geometry.limits import CELL_SIZE_MM, require_within
@@ -30,7 +29,6 @@ class GenerateReport:
 
     mesher: str
     backend: str
-    backend_version: str
     #: of the direction in which the surface was meshed
     seed: int
     cell_size_mm: float
@@ -115,7 +113,6 @@ def generate(
     return mesh, GenerateReport(
         mesher=mesher,
         backend=filled.backend,
-        backend_version=version(filled.backend),
         seed=seed,
         cell_size_mm=cell_size,
         facet_distance_mm=final.facet_distance_mm,

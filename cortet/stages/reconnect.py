@@ -44,7 +44,6 @@ class ReconnectReport:
     q_max_before: float
     q_mean: float
     q_max: float
-    tets_before: int
     tets: int
     #: swaps considered, and those made: an edge and its tetrahedra replaced; a face replaced by an edge (2-3); an edge
     #: of the boundary or of an interface flipped; a boundary tetrahedron peeled off
@@ -104,7 +103,6 @@ def reconnect(
         q_max_before=float(before.max()),
         q_mean=float(after.mean()),
         q_max=float(after.max()),
-        tets_before=len(mesh.cells),
         tets=len(result.cells),
         attempts=swaps.attempts,
         edge_removals=swaps.edge_removals,

@@ -69,8 +69,6 @@ class Separated:
     moved_most_at_mm: tuple[float, float, float]
     #: smallest distance of a vertex from the surface around it, afterwards
     gap_least_mm: float
-    #: vertices in blades where the distance is less than the requested gap
-    vertices_in_thin_blades: int
     #: volume enclosed by this surface, before and after
     volume_before_ml: float
     volume_ml: float
@@ -191,7 +189,7 @@ def _moved_inside(surface: TriSurface, container: TriSurface, *, name: str, gap:
     from cortet.geometry.closest_point import tree_of
     from cortet.geometry.intersection import self_intersections
     from cortet.geometry.nesting import depths, joined
-    from cortet.geometry.separation import TOLERANCE, gaps_to_keep, kept_apart
+    from cortet.geometry.separation import gaps_to_keep, kept_apart
     from cortet.geometry.topology import enclosed_volume
 
     tree = tree_of(container)
@@ -211,10 +209,9 @@ def _moved_inside(surface: TriSurface, container: TriSurface, *, name: str, gap:
             f"triangles still cross, the first at {place_mm(first)}",
             remedy="edit the surfaces there, or choose a smaller regions.min_gap",
         )
-    after, _, found = depths(tree, container, points)
+    after, _, _ = depths(tree, container, points)
     distance = np.linalg.norm(points - surface.points, axis=1)
     far = int(distance.argmax())
-    asked = np.einsum("kc,kc->k", found.barycentric, gaps[container.faces[found.faces]])
     x, y, z = surface.points[far].tolist()
     before, volume = (enclosed_volume(p, surface.faces) / 1000 for p in (surface.points, points))
     whole = enclosed_volume(container.points, container.faces) / 1000
@@ -229,7 +226,6 @@ def _moved_inside(surface: TriSurface, container: TriSurface, *, name: str, gap:
         moved_max_mm=float(distance.max()),
         moved_most_at_mm=(x, y, z),
         gap_least_mm=float(after.min()),
-        vertices_in_thin_blades=int(((after < gap * (1 - TOLERANCE)) & (asked < gap)).sum()),
         volume_before_ml=before,
         volume_ml=volume,
         around_before_ml=whole - before,

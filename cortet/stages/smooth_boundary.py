@@ -81,8 +81,6 @@ class SmoothBoundaryReport:
     displacement_mm: Distances
     q_mean_before: float
     q_max_before: float
-    #: after smoothing, before elements were cleaned again
-    q_max_smoothed: float
     q_mean: float
     q_max: float
     vertices_held: int
@@ -115,7 +113,7 @@ def smooth_boundary(
     require_sound(mesh, before)
     given = sheets(surface)
 
-    def attempt(start: TetMesh, held: IntArray) -> tuple[TetMesh, tuple[int, float]]:
+    def attempt(start: TetMesh, held: IntArray) -> tuple[TetMesh, int]:
         walls = [sheet(start, number) for number in range(len(given))]
         nodes = np.concatenate([nodes for _, nodes in walls])
         free = ~np.isin(nodes, held)
@@ -134,14 +132,13 @@ def smooth_boundary(
         else:
             points, count = start.points, 0
         moved = replace(start, points=points)
-        worst = float(quality(points, start.cells).max())
         if settings.thresholds:
             mode: Boundary = "slide" if settings.onto_surface else "free"
             cleaning = Clean(thresholds=settings.thresholds, boundary=mode, improve_mean=False)
             moved, _ = clean(moved, surface, cleaning, held=held)
-        return moved, (count, worst)
+        return moved, count
 
-    result, (used, q_max_smoothed), held = without_crossing(mesh, attempt)
+    result, used, held = without_crossing(mesh, attempt)
     after = quality(result.points, result.cells)
     walls, placed = ([sheet(one, number)[0] for number in range(len(given))] for one in (mesh, result))
     off = [closest_points(tree_of(one), wall.points).distances for one, wall in zip(given, placed, strict=True)]
@@ -156,7 +153,6 @@ def smooth_boundary(
         displacement_mm=summary(np.linalg.norm(ended.points - began.points, axis=1)),
         q_mean_before=float(before.mean()),
         q_max_before=float(before.max()),
-        q_max_smoothed=q_max_smoothed,
         q_mean=float(after.mean()),
         q_max=float(after.max()),
         vertices_held=len(held),

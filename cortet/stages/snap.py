@@ -47,9 +47,7 @@ class SnapReport:
 
     #: in plain words
     outcome: str
-    mean_distance_before_mm: float
     max_distance_before_mm: float
-    mean_distance_after_mm: float
     max_distance_after_mm: float
     #: elements that snapping without repair would have inverted, or raised to the limit or above
     inverted_without_repair: int
@@ -104,9 +102,7 @@ def snap(mesh: TetMesh, surface: TriSurface, settings: Snap = Snap()) -> tuple[T
         logger.warning(outcome)
     return snapped, SnapReport(
         outcome=outcome,
-        mean_distance_before_mm=float(found.distances.mean()),
         max_distance_before_mm=float(found.distances.max()),
-        mean_distance_after_mm=float(distances.mean()),
         max_distance_after_mm=float(distances.max()),
         inverted_without_repair=int(inverted.sum()),
         lifted_without_repair=int((~inverted & (unrepaired >= settings.q_max) & (unrepaired > before)).sum()),

@@ -39,7 +39,6 @@ class TransferReport:
 
     #: name -> ``interpolated`` or ``label``
     fields: dict[str, str]
-    mean_distance_mm: float
     max_distance_mm: float
     nodes_further_than_1mm: int
     #: how interior nodes got their values; labels always come from the nearest boundary node
@@ -92,7 +91,6 @@ def transfer(mesh: TetMesh, surface: TriSurface, settings: Transfer = Transfer()
     far = _warned_of_far(found.distances, "boundary nodes", "the surface")
     return replace(mesh, point_data={**mesh.point_data, **fields}), TransferReport(
         fields={name: "label" if is_label(values) else "interpolated" for name, values in surface.point_data.items()},
-        mean_distance_mm=float(found.distances.mean()),
         max_distance_mm=float(found.distances.max()),
         nodes_further_than_1mm=far,
         interior=settings.interior,
@@ -175,7 +173,6 @@ def _of_all_sheets(mesh: TetMesh, surface: TriSurface, interior: Interior) -> tu
     off = np.concatenate(distances)
     return replace(mesh, point_data={**mesh.point_data, **fields}), TransferReport(
         fields={name: "label" if is_label(parts[0][1]) else "interpolated" for name, parts in known.items()},
-        mean_distance_mm=float(off.mean()),
         max_distance_mm=float(off.max()),
         nodes_further_than_1mm=far,
         interior=interior,
