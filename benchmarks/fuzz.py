@@ -55,7 +55,6 @@ from cortet.solver_files.export import convert, export
 from cortet.solver_files.fields import with_fields
 from cortet.solver_files.label_surfaces import surfaces_of_labels
 from cortet.solver_files.sets import named_sets
-from cortet.solver_files.verify import verify
 from cortet.solver_files.volumes import require_in_place
 from cortet.stages.gate import gate
 from cortet.stages.generate import Generate, generate
@@ -263,7 +262,8 @@ def seeds(folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
     for name, form in FORMATS.items():
         path = folder / name / f"m{form.suffix}"
         export(mesh, path, solver=name, certificate={"certified": True})
-        found[name] = (path, lambda path, name=name: read_and_verify(path, name))
+        if name not in ("braingrowth", "febio"):  # which cortet only writes
+            found[name] = (path, read_and_convert)
     for name, packing in (("xdmf_of_meshio", "gzip"), ("plain_xdmf_of_meshio", None)):
         (folder / name).mkdir()
         cells = {"region": [np.arange(len(mesh.cells)) % 2]}
@@ -371,10 +371,9 @@ def repaired(path: Path) -> TriSurface:
     return gate(repair(given, Repair(max_hole=50.0), source=str(path))[0], source=str(path))[0]
 
 
-def read_and_verify(path: Path, name: str) -> Any:
-    """What a reader makes of a file, which `cortet verify` and `cortet convert` have to do with as well."""
-    verify(path, name)
-    found = FORMATS[name].read(path)
+def read_and_convert(path: Path) -> Any:
+    """What a reader makes of a file, which `cortet convert` has to do with as well."""
+    found = read_surface(path) if path.name.endswith((".stl", ".gii")) else read_mesh(path)
     check(found)
     convert(path, path.with_name("other.stl"))
     return found

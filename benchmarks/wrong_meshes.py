@@ -2,7 +2,7 @@
 
     python benchmarks/wrong_meshes.py [--sizes 4 6 8]
 
-Each fault is put into a sound cube of several sizes; `certify`, `verify`, `convert`, `quadratic` and `fold` then look
+Each fault is put into a sound cube of several sizes; `certify`, `convert`, `quadratic` and `fold` then look
 at it. A row says what each of them found first. A fault that a command cannot know, since it sees no surface, is
 `not seen`, and `WRONG` marks a fault that a command let through though it could know it: the exit code is 1 then.
 """
@@ -31,12 +31,11 @@ from cortet.geometry.topology import TET_FACES, boundary_surface, neighbours
 from cortet.measure.certify import certify
 from cortet.meshes import REGION, IntArray, TetMesh, TriSurface
 from cortet.solver_files.export import convert
-from cortet.solver_files.verify import verify
 from cortet.stages.solver_ready import surface_nodes_first
 
 SIDE = 12.0
 #: commands that see no surface
-BLIND = frozenset({"verify", "convert", "fold"})
+BLIND = frozenset({"convert", "fold"})
 
 
 @dataclass(frozen=True)
@@ -293,12 +292,6 @@ def certified(wrong: Wrong, _: Path) -> list[str]:
     return list(certificate.reasons)
 
 
-def verified(wrong: Wrong, folder: Path) -> list[str]:
-    """What `cortet verify` says of a file."""
-    vtu.write(wrong.mesh, folder / "m.vtu")
-    return verify(folder / "m.vtu", "vtu")
-
-
 def converted(wrong: Wrong, folder: Path) -> list[str]:
     """Why `cortet convert` writes no file."""
     vtu.write(wrong.mesh, folder / "m.vtu")
@@ -323,7 +316,6 @@ def folded(wrong: Wrong, _: Path) -> list[str]:
 
 COMMANDS: dict[str, Callable[[Wrong, Path], list[str]]] = {
     "certify": certified,
-    "verify": verified,
     "convert": converted,
     "quadratic": curved,
     "fold": folded,

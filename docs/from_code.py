@@ -48,7 +48,6 @@ SPEAKERS = {
     "stages.smooth_surface": ("_candidate",),
     "measure.worst": ("_reason",),
     "solver_files.conventions": None,
-    "solver_files.sidecar": ("stale",),
     "folding.fold": ("_verdict",),
     "folding.plausible": ("_size", "_side", "check_cells"),
 }

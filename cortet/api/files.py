@@ -121,7 +121,7 @@ def improve(
 
 @short_traceback
 def convert(source: str | Path, target: str | Path, *, force: bool = False) -> list[str]:
-    """Write a mesh file in another format, which the ending of `target` names, and read it back.
+    """Write a mesh file in another format, which the ending of `target` names.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def convert(source: str | Path, target: str | Path, *, force: bool = False) -> l
     Raises
     ------
     InputError : an ending names no format, `source` cannot be read, or `target` exists and cortet did not make it
-    StageError : the written file breaks a convention of its solver
+    StageError : the mesh breaks a convention of solvers
 
     Examples
     --------

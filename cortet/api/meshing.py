@@ -27,7 +27,7 @@ from cortet.api.given import (
 )
 from cortet.config import Config, load, read
 from cortet.errors import InputError, short_traceback
-from cortet.formats import format_of
+from cortet.formats import format_of, read_mesh
 from cortet.formats.gifti import hemisphere_of, kind_of
 from cortet.formats.ownership import guarded
 from cortet.formats.placement import placed
@@ -42,8 +42,7 @@ from cortet.measure.certify import Certificate, with_remarks
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, region_names, require_measurable
 from cortet.pipeline import Meshed, Step, mesh_surface, save
-from cortet.solver_files.earlier import read_today
-from cortet.solver_files.fields import with_fields, with_q
+from cortet.solver_files.fields import with_fields, with_q, without_q
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
 from cortet.solver_files.meshed import Origin
 from cortet.solver_files.surface_map import SurfaceMap, surface_map
@@ -286,7 +285,7 @@ class Mesh:
 
     @short_traceback
     def save(self, path: str | Path, *, force: bool = False) -> Path:
-        """Write the mesh in the format that the file's ending names, verified, with its companions.
+        """Write the mesh in the format that the file's ending names, with its companions.
 
         They are the sidecar, the certificate, the surface that was meshed, and a table of the labels of volumes.
 
@@ -596,10 +595,7 @@ def tetrahedra(made: TetMesh | Mesh | str | Path) -> TetMesh:
     InputError : a file holds no mesh, or the object is of an unknown kind
     """
     if isinstance(made, str | Path):
-        mesh, told = read_today(Path(made))
-        for line in told:
-            say(line)
-        return mesh
+        return without_q(read_mesh(Path(made)))
     if isinstance(made, Mesh | TetMesh):
         return made.mesh if isinstance(made, Mesh) else made
     raise InputError(

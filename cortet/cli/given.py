@@ -19,14 +19,15 @@ def stem_of(path: Path) -> str:
 
 
 def read_mesh(path: Path, *, whole: bool = False) -> TetMesh:
-    """A mesh of any format; warns if its file was changed after cortet wrote it, or numbers its regions otherwise.
+    """A mesh of any format; warns if its file was changed after cortet wrote it.
 
     Raises
     ------
     InputError
         the file holds a surface, or must be `whole` but lacks the tetrahedra of a hole
     """
-    from cortet.solver_files.earlier import read_today
+    from cortet.formats import read_mesh as read
+    from cortet.solver_files.fields import without_q
     from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar
 
     if whole and (holes := (read_sidecar(path).get("made_from") or {}).get("holes")):
@@ -35,10 +36,9 @@ def read_mesh(path: Path, *, whole: bool = False) -> TetMesh:
             file=path,
             remedy="mesh again without holes",
         )
-    mesh, told = read_today(path)
-    for line in [*told, *([f"{path}: {CHANGED}"] if changed_since(path) else [])]:
-        print(line, file=sys.stderr)
-    return mesh
+    if changed_since(path):
+        print(f"{path}: {CHANGED}", file=sys.stderr)
+    return without_q(read(path))
 
 
 def draw(mesh: TetMesh, path: Path, place: Callable[[Path], Path] = lambda path: path, **how: Any) -> None:

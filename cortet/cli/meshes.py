@@ -1,4 +1,4 @@
-"""Commands on meshes: `quality`, `certify`, `compare`, `verify`, `convert`, `quadratic`, `picture`, `project`."""
+"""Commands on meshes: `quality`, `certify`, `compare`, `convert`, `quadratic`, `picture`, `project`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from cortet.cli.given import draw, read_mesh, stem_of
 from cortet.cli.shared import MESHES, Common, Limits, Writes, add
 from cortet.cli.values import Below, Depth, FieldsFile, InnerFiles, InputFile, MeshFile, O, OutputFile, Picture, number
 from cortet.errors import InputError, UsageError
-from cortet.formats import FORMATS, format_of
+from cortet.formats import FORMATS
 from cortet.geometry.limits import THICKNESS_MM
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ Unit = Literal["mm", "um"]
 
 def add_commands(app: App) -> None:
     """Add the commands on meshes."""
-    add(app, MESHES, quality, certify, compare, verify, convert, quadratic, picture, project)
+    add(app, MESHES, quality, certify, compare, convert, quadratic, picture, project)
 
 
 def quality(file: MeshFile, /, *, json: bool = False, _: Common = Common()) -> int:
@@ -210,35 +210,6 @@ def _names_of(files: Sequence[Path]) -> dict[str, Path]:
     return names
 
 
-def verify(
-    file: Path,
-    /,
-    *,
-    solver: Annotated[str | None, Parameter(choices=tuple(FORMATS), metavar="NAME")] = None,
-    _: Common = Common(),
-) -> int:
-    """Check a solver file against its solver's conventions.
-
-    Parameters
-    ----------
-    solver
-        Solver that will read it (default: by the suffix).
-
-    Examples
-    --------
-    cortet verify lh.inp
-    """
-    from cortet.solver_files.verify import verify
-
-    solver = solver or format_of(file).name
-    problems = verify(file, solver)
-    for problem in problems:
-        print(f"{file}: {problem}")
-    if not problems:
-        print(f"{file}: keeps every convention of {solver}")
-    return 1 if problems else 0
-
-
 def convert(
     source: Annotated[Path, Parameter(name="IN")],
     target: Annotated[OutputFile, Parameter(name="OUT")],
@@ -270,7 +241,7 @@ def convert(
 
     for change in convert(source, target, unit=unit, source_unit=source_unit, tags=tags):
         print(f"{target}: {change}")
-    print(f"{target}: written and verified")
+    print(f"{target}: written")
     return 0
 
 

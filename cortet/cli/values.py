@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter, Token
 
 from cortet.errors import UsageError
-from cortet.formats import FORMATS
+from cortet.formats import FORMATS, INSTEAD
 from cortet.geometry.limits import CELL_SIZE_MM, NAME
 
 
@@ -148,9 +148,8 @@ def _formats(_: object, tokens: Sequence[Token]) -> list[str]:
     known = {form.suffix[1:]: name for name, form in FORMATS.items()} | {name: name for name in FORMATS}
     words = [word.strip().removeprefix(".") for token in tokens for word in token.value.split(",")]
     if (unknown := next((word for word in words if word not in known), None)) is not None:
-        raise ValueError(
-            f"{unknown!r} is no format; there are {', '.join(form.suffix[1:] for form in FORMATS.values())}"
-        )
+        there = INSTEAD.get(unknown) or "one of " + ", ".join(form.suffix[1:] for form in FORMATS.values())
+        raise ValueError(f"{unknown!r} is no format; use {there}")
     return list(dict.fromkeys(known[word] for word in words))
 
 

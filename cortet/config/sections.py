@@ -111,12 +111,12 @@ class Figures(Section):
 
 
 class Export(Section):
-    """Files for solvers, each verified as written."""
+    """Files for solvers."""
 
     formats: list[Solver] = ["vtu"]
     """Formats to write: vtu (ParaView, meshio, PyVista), abaqus (.inp, CalculiX reads it too), febio (.feb), fenics
-    (.xdmf), braingrowth (.mesh), gmsh (.msh), gmsh_v2 (.v2.msh, version 2.2), nastran (.bdf), vtk (legacy), carp
-    (.pts), carp_binary (.bpts); and of the boundary stl and gifti (.surf.gii)."""
+    (.xdmf), braingrowth (.mesh), gmsh (.msh, version 2.2), nastran (.bdf), carp (.pts); and of the boundary stl and
+    gifti (.surf.gii)."""
     ten_nodes: list[TenNodeSolver] = []
     """Formats in which the mesh is also written with elements of ten nodes that follow the surface: abaqus (.inp),
     febio (.feb), fenics (.xdmf), gmsh (.msh), vtu."""

@@ -1,6 +1,6 @@
 """File formats of tetrahedral meshes and of their boundary, by name. Each is one module, and none knows another.
 
-The configuration, the command line, export and verification all read this list. A module loads when its format is first
+The configuration, the command line and export all read this list. A module loads when its format is first
 used, so naming formats costs nothing.
 """
 
@@ -10,104 +10,112 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from cortet.errors import InputError
 
 if TYPE_CHECKING:
-    from cortet.formats.as_read import AsRead
     from cortet.meshes import TetMesh, TriSurface
+
+#: what a format may hold beside nodes, tetrahedra and numbers of regions: fields and sets
+_ALL = frozenset({"point_data", "cell_data", "nodes", "faces", "cells"})
 
 
 @dataclass(frozen=True)
 class Format:
-    """A format, whose module has the functions `read`, `write` and, if its solver sees more than a mesh, `as_read`."""
+    """A format, whose module has the function `write`."""
 
     name: str
     #: end of the file name that identifies the format, with the dot
     suffix: str
-    #: module in `cortet.formats`
+    #: module in `cortet.formats`, and its function
     module: str
-    #: suffix of the names of its functions, if the module has several formats
-    variant: str = ""
-    #: whether `read` and `write` take a `unit` of the coordinates, mm or um, because the file does not state it
+    function: str = "write"
+    #: fields and sets that it holds: names of `_ALL`, and of single fields
+    holds: frozenset[str] = frozenset()
+    #: whether each element has one group of a name: a region, a part of the surface or an interface
+    has_groups: bool = False
+    #: whether `write` takes a `unit` of the coordinates, mm or um, because the file does not state it
     has_unit: bool = False
     #: whether it holds only the boundary, as a TriSurface
     is_surface: bool = False
-    #: largest rounding of coordinates and fields, of the largest number
-    rounding: float = 1e-9
-    #: whether it holds named sets of faces
-    names_faces: bool = True
     #: whether its files get q of each tetrahedron, as those that viewers open do
     has_q: bool = False
 
-    def read(self, path: Path, **options: Any) -> Any:
-        """The TetMesh of a file, or the boundary as a TriSurface; raises InputError if the file cannot be read."""
-        return getattr(self._loaded, f"read{self.variant}")(path, **options)
+    @property
+    def names_faces(self) -> bool:
+        """Whether it holds named sets of faces."""
+        return self.has_groups or "faces" in self.holds
 
     def write(self, content: TetMesh | TriSurface, path: Path, **options: Any) -> None:
         """Write a TetMesh, or a TriSurface if the format is that of a surface."""
-        getattr(self._loaded, f"write{self.variant}")(content, path, **options)
-
-    def as_read(self, path: Path) -> AsRead | TriSurface:
-        """The file as its solver reads it; raises InputError if it cannot be read."""
-        from cortet.formats.as_read import AsRead
-
-        own = getattr(self._loaded, f"as_read{self.variant}", None)
-        if own is None:
-            content = self.read(path)
-            return content if self.is_surface else AsRead(content)
-        seen: AsRead = own(path)
-        return seen
-
-    @property
-    def _loaded(self) -> ModuleType:
-        return import_module(f"{__name__}.{self.module}")
+        getattr(import_module(f"{__name__}.{self.module}"), self.function)(content, path, **options)
 
 
 FORMATS: dict[str, Format] = {
     form.name: form
     for form in (
-        Format("vtu", ".vtu", "vtu", has_q=True),
-        Format("vtk", ".vtk", "vtk", has_q=True),
-        Format("braingrowth", ".mesh", "braingrowth", names_faces=False),
-        Format("abaqus", ".inp", "abaqus"),
-        Format("febio", ".feb", "febio"),
-        Format("fenics", ".xdmf", "fenics", has_q=True),
-        Format("gmsh_v2", ".v2.msh", "msh", "_v2"),
-        Format("gmsh", ".msh", "msh"),
-        Format("nastran", ".bdf", "nastran"),
-        Format("carp", ".pts", "carp", has_unit=True),
-        Format("carp_binary", ".bpts", "carp", "_binary", has_unit=True, rounding=1e-6),
-        Format("stl", ".stl", "stl", is_surface=True, names_faces=False, rounding=1e-6),
-        Format("gifti", ".surf.gii", "gifti", "_surface", is_surface=True, names_faces=False, rounding=1e-6),
+        Format("vtu", ".vtu", "vtu", holds=_ALL, has_q=True),
+        Format("braingrowth", ".mesh", "braingrowth"),
+        Format("abaqus", ".inp", "abaqus", holds=_ALL - {"cell_data"}),
+        Format("febio", ".feb", "febio", holds=_ALL - {"cell_data"}),
+        Format("fenics", ".xdmf", "fenics", holds=_ALL, has_q=True),
+        Format("gmsh", ".msh", "msh", holds=frozenset({"point_data", "cell_data"}), has_groups=True),
+        Format("nastran", ".bdf", "nastran", has_groups=True),
+        Format(
+            "carp",
+            ".pts",
+            "carp",
+            holds=frozenset({"point_data", "nodes", "faces", "fibre"}),
+            has_groups=True,
+            has_unit=True,
+        ),
+        Format("stl", ".stl", "stl", is_surface=True),
+        Format("gifti", ".surf.gii", "gifti", "write_surface", holds=frozenset({"point_data"}), is_surface=True),
     )
+}
+
+#: what was a format, by the end of a name without its dot and by name -> the format in its place
+INSTEAD = {"vtk": "vtu", "bpts": "pts", "gmsh_v2": "gmsh", "carp_binary": "carp"}
+#: end of the name of a file that cortet writes, or wrote, and does not read -> what to give instead
+_NOT_READ = {
+    ".feb": "give the .vtu or .inp of the mesh; FEBio Studio exports both",
+    ".mesh": "give the .vtu of the mesh",
+    ".bpts": "convert it to text: meshtool convert -ifmt=carp_bin -ofmt=carp_txt",
 }
 
 
 def format_of(path: Path) -> Format:
-    """The format of a file, by the end of its name.
-
-    Raises
-    ------
-    InputError
-        the name ends like that of no format
-    """
+    """The format in which a file is written, by the end of its name; InputError if that is of no format."""
     for form in FORMATS.values():
         if path.name.endswith(form.suffix):
             return form
     endings = ", ".join(form.suffix for form in FORMATS.values())
-    raise InputError("is of no known mesh format", file=path, remedy=f"use a name ending in {endings}")
+    instead = INSTEAD.get(path.suffix.removeprefix("."))
+    remedy = f"write .{instead}" if instead else f"use a name ending in {endings}"
+    raise InputError("is of no format that cortet writes", file=path, remedy=remedy)
 
 
-def read_mesh(path: Path) -> TetMesh:
-    """The mesh of a file, in the format of its suffix; InputError if it holds a surface, or cannot be read."""
-    form = format_of(path)
-    if form.is_surface:
+def read_mesh(path: Path, *, unit: str = "um") -> TetMesh:
+    """The mesh of a file, by the end of its name; InputError if it holds a surface, or cannot be read.
+
+    Parameters
+    ----------
+    unit : of the coordinates of a CARP file, mm or um
+    """
+    from cortet.formats import by_meshio, carp, vtu
+
+    if path.name.endswith((".stl", ".gii")):
         raise InputError("holds a surface, not a mesh", file=path, remedy="give a mesh of tetrahedra")
-    mesh: TetMesh = form.read(path)
-    return mesh
+    if path.suffix == ".pts":
+        return carp.read(path, unit=unit)
+    if path.suffix == ".vtu":
+        return vtu.read(path)
+    if path.suffix in by_meshio.READERS:
+        return by_meshio.read(path)
+    endings = ", ".join([".pts", *by_meshio.READERS])
+    remedy = _NOT_READ.get(path.suffix, f"give a file that ends in {endings}")
+    raise InputError("is of no mesh format that cortet reads", file=path, remedy=remedy)
 
 
 def require_holes(holes: Collection[str], solver: str) -> None:

@@ -8,34 +8,18 @@ solver's loader swaps x with y and c with d; these two mirrors cancel.)
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cortet.errors import DamagedFileError, InputError
-from cortet.formats.as_read import AsRead
 from cortet.formats.atomic import atomic_path
-from cortet.formats.numbering import in_32_bits
-from cortet.formats.surface_sets import CORTICAL_SURFACE, SURFACE, with_surface
+from cortet.formats.surface_sets import SURFACE, with_surface
 from cortet.formats.tags import face_tags, region_numbers
-from cortet.formats.text import BadRowError, read_rows, write_rows
-from cortet.formats.untrusted import check_file, in_range, sound
+from cortet.formats.text import write_rows
+from cortet.formats.untrusted import content, in_range, sound
 from cortet.geometry.topology import boundary_nodes, compact
-from cortet.meshes import REGION, FloatArray, IntArray, MeshSets, TetMesh
-
-
-class Tables(NamedTuple):
-    """The numbers of a file, uninterpreted."""
-
-    #: (n, 3) mm
-    points: FloatArray
-    #: (m, 5), tag and 1-based nodes
-    tetrahedra: NDArray[np.int64]
-    #: (k, 4), tag and 1-based nodes
-    triangles: NDArray[np.int64]
+from cortet.meshes import TetMesh
 
 
 def write(mesh: TetMesh, path: str | Path) -> None:
@@ -62,79 +46,13 @@ def write(mesh: TetMesh, path: str | Path) -> None:
 
 
 def read(path: str | Path) -> TetMesh:
-    """Read a file that keeps the conventions above (`verify.braingrowth` checks them); unused nodes are dropped."""
-    tables = read_tables(path)
-    points, cells, _ = compact(tables.points, _cells(tables, path))
-    return sound(path, points, cells, cell_data=_tags(tables, path))
-
-
-def read_tables(path: str | Path) -> Tables:
-    """Read the three tables without interpreting them.
-
-    Raises
-    ------
-    InputError
-        the file is missing, incomplete or too long, or a line has another number of fields than its table
-    """
-    start, tables = 1, []
-    check_file(path)
+    """The nodes and tetrahedra of one of BrainGrowth's own meshes; unused nodes are dropped."""
+    lines = content(path).split(b"\n")
     try:
-        with Path(path).open(encoding="ascii") as file:
-            for kind, fields, dtype in [("node", 3, float), ("tetrahedron", 5, np.int64), ("triangle", 4, np.int64)]:
-                stated = file.readline()
-                if not re.fullmatch(r"\s*\d{1,12}\s*", stated):
-                    raise DamagedFileError(f"line {start}: the number of {kind} lines is missing", file=path)
-                count = int(stated)
-                try:
-                    tables.append(read_rows(file, fields, dtype, rows=count))
-                except BadRowError as error:
-                    line = f"line {start + 1 + error.row}: a {kind} line {error}"
-                    raise DamagedFileError(
-                        f"{line} ({count} lines of {fields} fields belong there)", file=path
-                    ) from error
-                start += 1 + count
-            if file.read().strip():
-                raise DamagedFileError(f"line {start}: more than the three tables", file=path)
-    except OSError as error:
-        raise InputError(
-            f"cannot be opened: {error.strerror}", file=path, remedy="check the path and its permissions"
-        ) from error
-    except UnicodeDecodeError as error:
-        raise DamagedFileError("is not a text file", file=path) from error
-    return Tables(*tables)
-
-
-def as_read(path: Path) -> AsRead:
-    """The file in its own coordinates, with the last two nodes of every tetrahedron swapped.
-
-    Raises InputError if the tables cannot be read, or name nodes that do not exist.
-    """
-    tables = read_tables(path)
-    faces = in_range(tables.triangles[:, 1:] - 1, len(tables.points), "node", path)
-    cells = _cells(tables, path)
-    first_cell, first_face = len(tables.points) + 3, len(tables.points) + len(cells) + 4
-    return AsRead(
-        TetMesh(
-            tables.points,
-            cells,
-            cell_data=_tags(tables, path),
-            sets=MeshSets(faces={CORTICAL_SURFACE: faces} if len(faces) else {}),
-        ),
-        sign="negative",
-        cell=lambda index: f"on line {first_cell + index}",
-        face=lambda index: f"on line {first_face + index}",
-    )
-
-
-def _tags(tables: Tables, path: str | Path) -> dict[str, IntArray]:
-    """The regions of the tetrahedra, if there are several."""
-    tags = in_32_bits(tables.tetrahedra[:, 0], "the region of an element", path)
-    return {REGION: tags} if (tags != 1).any() else {}
-
-
-def _cells(tables: Tables, path: str | Path) -> IntArray:
-    """0-based nodes of the tetrahedra, the last two swapped; InputError if there are none or a node does not exist."""
-    nodes = tables.tetrahedra[:, [1, 2, 4, 3]]
-    if len(nodes) == 0 or nodes.min() < 1 or nodes.max() > len(tables.points):
-        raise DamagedFileError(f"has no tetrahedra, or node indices outside 1..{len(tables.points)}", file=path)
-    return (nodes - 1).astype(np.int32)
+        first = int(lines[0]) + 1
+        points = np.loadtxt(lines[1:first], ndmin=2)
+        nodes = np.loadtxt(lines[first + 1 : first + 1 + int(lines[first])], np.int64, ndmin=2)[:, [1, 2, 4, 3]]
+    except (ValueError, IndexError) as error:
+        raise DamagedFileError(f"is no mesh of BrainGrowth: {error}", file=path) from error
+    points, cells, _ = compact(points, in_range(nodes - 1, len(points), "node", path))
+    return sound(path, points, cells)

@@ -25,23 +25,20 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import DamagedFileError, InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import (
     listed_faces,
     members,
     with_surface,
 )
-from cortet.formats.tags import face_tags, named_once, region_numbers, regions, with_names
-from cortet.formats.untrusted import check_file, content, sound, xml_root
+from cortet.formats.tags import face_tags, region_numbers, regions
 from cortet.geometry.topology import packed
-from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
+from cortet.meshes import REGION, IntArray, TetMesh
 
 _NODE_SET, _CELL_SET, _FACE_SET = "node_set_", "cell_set_", "face_set_"
 #: name of the table of tags
 _NAMES = "Information"
 _XDMF_TYPES = {"i": "Int", "u": "UInt", "f": "Float"}
-_CORNERS = {"Tetrahedron": 4, "Triangle": 3}
 
 
 def write(mesh: TetMesh, path: str | Path) -> None:
@@ -159,171 +156,7 @@ def _item(parent: ElementTree.Element, values: NDArray[Any], where: str) -> None
     item.text = where
 
 
-def read(path: str | Path) -> TetMesh:
-    """Read the four files; tetrahedra are returned as they are there, positive or not. Others' files: `foreign_xdmf`.
-
-    Raises
-    ------
-    InputError
-        a file is missing or truncated, an XDMF file has a shape that differs from that of its data, or the two files
-        have different nodes; or as `foreign_xdmf.read`
-    """
-    root = xml_root(content(path), path)
-    if root.find(f"Domain/Grid[@Name='mesh']/Attribute[@Name='{REGION}']") is None:
-        from cortet.formats import foreign_xdmf  # meshio loads for these only
-
-        return foreign_xdmf.read(Path(path), root)
-    cells = _grid(Path(path), "mesh", "Tetrahedron")
-    facets = _grid(facets_path(path), "facets", "Triangle")
-    if not np.array_equal(cells.points, facets.points):
-        raise DamagedFileError("has other nodes than the tetrahedra", file=facets_path(path))
-    number = _tags(cells, REGION, path)
-    surface = _tags(facets, "surface", facets_path(path))
-    faces = {name: facets.topology[surface == tag] for name, tag in facets.names.items() if (surface == tag).any()}
-    sets = MeshSets(
-        {
-            name: np.flatnonzero(values).astype(np.int32)
-            for name, values in _taken(cells.nodes_of, _NODE_SET, path).items()
-        },
-        faces
-        | {
-            name: facets.topology[values > 0]
-            for name, values in _taken(facets.cells_of, _FACE_SET, facets_path(path)).items()
-        },
-        {
-            name: np.flatnonzero(values).astype(np.int32)
-            for name, values in _taken(cells.cells_of, _CELL_SET, path).items()
-        },
-    )
-    of_cells = {REGION: number, **cells.cells_of}
-    return sound(path, cells.points, cells.topology, cells.nodes_of, of_cells, with_names(sets, number, cells.names))
-
-
-class _Grid:
-    """What one XDMF file holds."""
-
-    def __init__(self) -> None:
-        self.points: NDArray[Any] = np.empty((0, 3))
-        self.topology: IntArray = np.empty((0, 4), np.int32)
-        self.nodes_of: dict[str, NDArray[Any]] = {}
-        self.cells_of: dict[str, NDArray[Any]] = {}
-        self.names: dict[str, int] = {}
-
-
-def _grid(path: Path, name: str, kind: str) -> _Grid:
-    root = xml_root(content(path), path)
-    grid = root.find(f"Domain/Grid[@Name='{name}']")
-    topology = grid.find("Topology") if grid is not None else None
-    geometry = grid.find("Geometry") if grid is not None else None
-    if grid is None or topology is None or geometry is None:
-        raise DamagedFileError(f"has no grid {name} with a topology and a geometry", file=path)
-    if topology.get("TopologyType") != kind:
-        raise DamagedFileError(f"grid {name} holds {topology.get('TopologyType')}, not {kind}", file=path)
-    found = _Grid()
-    found.points, found.topology = _values(geometry, path), _values(topology, path)
-    for element, values, columns in ((geometry, found.points, 3), (topology, found.topology, _CORNERS[kind])):
-        if values.ndim != 2 or values.shape[1] != columns:
-            raise DamagedFileError(f"<{element.tag}> has shape {values.shape}, not (n, {columns})", file=path)
-    if found.topology.dtype.kind != "i":
-        raise DamagedFileError(f"<{topology.tag}> holds {found.topology.dtype}, not integers", file=path)
-    at = {"Node": (found.nodes_of, len(found.points)), "Cell": (found.cells_of, len(found.topology))}
-    for attribute in grid.iterfind("Attribute"):
-        called, centre, values = attribute.get("Name", ""), attribute.get("Center", ""), _values(attribute, path)
-        if centre not in at:
-            raise DamagedFileError(f"attribute {called} is at {centre!r}, neither Node nor Cell", file=path)
-        where, count = at[centre]
-        if len(values) != count:
-            raise DamagedFileError(
-                f"attribute {called} has {len(values)} values for {count} {centre.lower()}s", file=path
-            )
-        where[called] = values
-    if table := grid.findtext(f"Information[@Name='{_NAMES}']"):
-        found.names = _names(table, path)
-    return found
-
-
-def _names(table: str, path: Path) -> dict[str, int]:
-    """Name -> tag of a table of tags."""
-    try:
-        return named_once([(row.get("key", ""), int(row.text or "")) for row in xml_root(table.encode(), path)], path)
-    except ValueError as error:
-        raise DamagedFileError(f"its table of tags cannot be read: {error}", file=path) from error
-
-
-def _values(element: ElementTree.Element, path: Path) -> NDArray[Any]:
-    """Values of the HDF5 dataset that the DataItem of an element names."""
-    item = element.find("DataItem")
-    if item is None:
-        raise DamagedFileError(f"<{element.tag} {element.get('Name', '')}> has no DataItem", file=path)
-    file, _, key = (item.text or "").strip().partition(":")
-    if file != data_path(path).name and file != data_path(path.with_name(f"{_first(path)}.xdmf")).name:
-        raise DamagedFileError(f"names the data file `{file}`, not one beside it of its own name", file=path)
-    source = path.with_name(file)
-    check_file(source)
-    try:
-        with h5py.File(source, "r") as data:
-            values = _dataset(data, key, source)
-    except (
-        OSError,
-        RuntimeError,
-        ValueError,
-        TypeError,
-        AttributeError,
-    ) as error:  # h5py raises these for damaged files
-        raise InputError(f"cannot be read: {error}", file=source, remedy="export the mesh again") from error
-    except KeyError as error:
-        raise DamagedFileError(f"has no dataset {key}", file=source) from error
-    if item.get("Dimensions", "").split() != [str(size) for size in values.shape]:
-        raise DamagedFileError(
-            f"says that {key} has {item.get('Dimensions')} values, but it has {values.shape}", file=path
-        )
-    return values
-
-
-def _first(path: Path) -> str:
-    """Name, without suffix, of the tetrahedra's file that belongs to a file of facets."""
-    return path.name.removesuffix(".xdmf").removesuffix("_facets")
-
-
-def _dataset(data: h5py.File, key: str, source: Path) -> NDArray[Any]:
-    """The numbers of a dataset, after a check that this file itself stores them.
-
-    Links and external storage lead out of the file.
-    """
-    if not isinstance(data.get(key, getlink=True), h5py.HardLink):
-        raise KeyError(key)
-    dataset = data[key]
-    if not isinstance(dataset, h5py.Dataset) or dataset.dtype.kind not in _XDMF_TYPES or not dataset.shape:
-        raise DamagedFileError(f"{key} is not an array of numbers", file=source)
-    if dataset.external or dataset.is_virtual or dataset.compression or dataset.scaleoffset is not None:
-        raise DamagedFileError(f"the values of {key} are compressed, or in another file", file=source)
-    if dataset.nbytes > dataset.id.get_storage_size():
-        raise DamagedFileError(f"{key} declares {dataset.nbytes:,} bytes, which the file does not hold", file=source)
-    values: NDArray[Any] = dataset[()]
-    return values
-
-
 def _faces_among(faces: IntArray, subset: IntArray) -> NDArray[np.bool_]:
     """Which of `faces` are in `subset`, regardless of the order of their nodes."""
     key = packed(np.concatenate([faces, subset]))
     return np.isin(key[: len(faces)], key[len(faces) :])
-
-
-def _tags(grid: _Grid, name: str, path: Path | str) -> NDArray[Any]:
-    """The attribute that tags each cell of a grid; it is removed from the grid."""
-    if name not in grid.cells_of:
-        raise DamagedFileError(f"has no attribute {name} of its cells", file=path)
-    return _of_each(grid.cells_of.pop(name), name, path)
-
-
-def _taken(attributes: dict[str, NDArray[Any]], prefix: str, path: Path | str) -> dict[str, NDArray[Any]]:
-    """The attributes whose names begin with `prefix`, by the rest of the name; they are removed from `attributes`."""
-    names = [name for name in attributes if name.startswith(prefix)]
-    return {name.removeprefix(prefix): _of_each(attributes.pop(name), name, path) for name in names}
-
-
-def _of_each(values: NDArray[Any], name: str, path: Path | str) -> NDArray[Any]:
-    """The given values, after a check that there is one number per row."""
-    if values.ndim != 1:
-        raise DamagedFileError(f"attribute {name} has shape {values.shape}, not one number each", file=path)
-    return values

@@ -1,4 +1,4 @@
-"""Checks of the conventions that every solver file must keep.
+"""Checks of the conventions that a mesh must keep before it is written for a solver.
 
 They are the five of the CORTET paper's discussion (arXiv:2607.12157): the sign of volumes, the order of a tetrahedron's
 nodes, surface nodes first, boundary faces complete and outward, fields that belong to these nodes.
@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import place_mm
-from cortet.formats.as_read import AsRead
 from cortet.formats.surface_sets import (
     CORE,
     CORTEX,
@@ -25,96 +23,35 @@ from cortet.formats.surface_sets import (
     surface_faces,
 )
 from cortet.formats.tags import region_numbers
-from cortet.geometry.filling import broken_body
-from cortet.geometry.intersection import self_intersections
-from cortet.geometry.topology import TET_FACES, boundary_faces, enclosed_volume, packed, surface_topology
+from cortet.geometry.topology import TET_FACES, boundary_faces, packed
 from cortet.measure.quality import signed_volumes
-from cortet.meshes import AROUND, FloatArray, IntArray, TetMesh, TriSurface
-
-#: largest coordinate, in any unit: a sidecar cannot hold the volume of a larger body
-_LARGEST_COORDINATE = 1e15
+from cortet.meshes import AROUND, IntArray, TetMesh
 
 
-def broken_conventions(file: AsRead, *, body: bool = True) -> list[str]:
-    """Name every convention that a file breaks; if the list is empty, a solver may run on the file.
-
-    Parameters
-    ----------
-    body : whether to check, too, that the tetrahedra fill a body whose boundary and interfaces do not cross
-    """
-    mesh = file.mesh
-    if absurd := list(_coordinates(mesh.points)):
-        return [*file.problems, *absurd]
-    if not len(mesh.cells):
-        return [*file.problems, "there are no tetrahedra"]
-    if not len(boundary_faces(mesh)):
-        return [*file.problems, "every face is in two tetrahedra or more: there is no boundary", *broken_body(mesh)]
+def broken_conventions(mesh: TetMesh) -> list[str]:
+    """Name every convention that a mesh breaks; if the list is empty, it may be written for a solver."""
     return [
-        *file.problems,
-        *_volumes(file),
-        *((*broken_body(mesh, holes=True), *_crossings(_walls(mesh))) if body else ()),
-        *_surface(file),
+        *_volumes(mesh),
+        *_surface(mesh),
         *_sets(mesh),
         *_fields(mesh.point_data, len(mesh.points), "nodes"),
         *_fields(mesh.cell_data, len(mesh.cells), "tetrahedra"),
     ]
 
 
-def broken_surface(surface: TriSurface) -> list[str]:
-    """Name the reasons why a boundary surface is not one closed surface that faces outward."""
-    if absurd := list(_coordinates(surface.points)):
-        return absurd
-    if len(surface.faces) == 0:
-        return ["there are no triangles"]
-    topology = surface_topology(surface.faces)
-    genus = int(topology.genus) if topology.is_closed_manifold else 0
-    problems = [f"the surface has {problem}" for problem in topology.problems(genus)]
-    problems += [*_crossings(surface)]
-    if not problems and enclosed_volume(surface.points, surface.faces) <= 0:
-        problems.append(f"{len(surface.faces)} of {len(surface.faces)} triangles face inward")
-    return [*problems, *_fields(surface.point_data, len(surface.points), "nodes")]
-
-
-def _coordinates(points: FloatArray) -> Iterator[str]:
-    """Coordinates so large that areas and volumes overflow."""
-    if (largest := float(np.abs(points).max(initial=0))) > _LARGEST_COORDINATE:
-        yield f"a coordinate is {largest:g}, which is not a length of a body"
-
-
-def _walls(mesh: TetMesh) -> TriSurface:
-    """The boundary of a mesh and its interfaces."""
-    return TriSurface(mesh.points, np.concatenate([boundary_faces(mesh), *interface_sets(mesh).values()]))
-
-
-def _crossings(surface: TriSurface) -> Iterator[str]:
-    """Triangles that cross as the file has them: what is apart in double precision may touch after rounding."""
-    if len(crossing := self_intersections(surface)):
-        where = place_mm(surface.points[surface.faces[crossing[0]]].mean(axis=0))
-        yield f"{len(crossing)} triangles cross others with the coordinates of the file, the first at {where}"
-
-
-def _volumes(file: AsRead) -> Iterator[str]:
-    mesh = file.mesh
+def _volumes(mesh: TetMesh) -> Iterator[str]:
     wrong = np.flatnonzero(~(signed_volumes(mesh.points, mesh.cells) > 0))
     if len(wrong):
-        first = file.cell(int(wrong[0]))
-        yield f"{len(wrong)} of {len(mesh.cells)} tetrahedra have no {file.sign} volume, the first {first}"
+        first = wrong[0] + 1
+        yield f"{len(wrong)} of {len(mesh.cells)} tetrahedra have no positive volume, the first is number {first}"
     unused = np.setdiff1d(np.arange(len(mesh.points)), mesh.cells)
     if len(unused):
         yield f"{len(unused)} nodes belong to no tetrahedron, the first is node {unused[0] + 1}"
 
 
-def _surface(file: AsRead) -> Iterator[str]:
+def _surface(mesh: TetMesh) -> Iterator[str]:
     """Surface nodes come first; each boundary face is listed once and outward."""
-    mesh = file.mesh
-    # coordinates decide which way is outward, not the order in which a tetrahedron lists its nodes
-    negative = signed_volumes(mesh.points, mesh.cells) < 0
-    positive = TetMesh(mesh.points, np.where(negative[:, None], mesh.cells[:, [0, 1, 3, 2]], mesh.cells))
-    boundary = boundary_faces(positive)
-    if file.lists_faces and not mesh.sets.faces.keys() & set(SURFACE):
-        yield "there are no triangles"
-        return
-    listed = surface_faces(mesh) if file.lists_faces else boundary
+    boundary, listed = boundary_faces(mesh), surface_faces(mesh)
     nodes = np.unique(boundary)
     if nodes[-1] != len(nodes) - 1:
         yield f"the {len(nodes)} surface nodes are not the first nodes: they reach up to node {nodes[-1] + 1}"
@@ -126,13 +63,12 @@ def _surface(file: AsRead) -> Iterator[str]:
         yield f"{missing} boundary faces are missing from the triangles"
     known = np.isin(found, true)
     if not known.all():
-        where = file.face(int(np.argmin(known)))
-        yield f"{np.count_nonzero(~known)} triangles are not boundary faces, the first {where}"
+        yield f"{np.count_nonzero(~known)} triangles are not boundary faces, the first is number {np.argmin(known) + 1}"
     order = np.argsort(true)
     partners = boundary[order[np.searchsorted(true, found[known], sorter=order)]]
     inward = np.flatnonzero(known)[~_same_turn(listed[known], partners)]
-    if len(inward) and file.directs_faces:
-        yield f"{len(inward)} triangles face inward, the first {file.face(int(inward[0]))}"
+    if len(inward):
+        yield f"{len(inward)} triangles face inward, the first is number {inward[0] + 1}"
     yield from _other_faces(mesh, boundary)
 
 

@@ -1,4 +1,4 @@
-"""Export of a mesh to a solver, if it is certified and the written file keeps the solver's conventions."""
+"""Export of a mesh to a solver, if it is certified and keeps the conventions of solvers."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy as np
 from scipy.sparse import save_npz
 
 from cortet.errors import InputError, StageError
-from cortet.formats import FORMATS, Format, format_of, require_holes
-from cortet.formats.as_read import AsRead
+from cortet.formats import FORMATS, format_of, read_mesh, require_holes
 from cortet.formats.atomic import atomic_folder, write_json
-from cortet.formats.hashing import array_sha256, mesh_sha256
+from cortet.formats.gifti import read_surface
+from cortet.formats.hashing import mesh_sha256
 from cortet.formats.ownership import delete_made, final_name, may_write
 from cortet.formats.placement import UNITS
 from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL, with_surface
@@ -22,15 +22,13 @@ from cortet.geometry.filling import require_body
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, MeshSets, TetMesh, TriSurface
-from cortet.solver_files.earlier import numbered_today
+from cortet.solver_files.conventions import broken_conventions
 from cortet.solver_files.fields import FieldSource, with_q, without_q
 from cortet.solver_files.holes import hollow
 from cortet.solver_files.meshed import moved
-from cortet.solver_files.names import left_out, writable
-from cortet.solver_files.others import not_as_meant, seen_otherwise
+from cortet.solver_files.names import held, left_out, writable
 from cortet.solver_files.sets import named_sets, tagged
 from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar, sidecar_path
-from cortet.solver_files.verify import problems
 from cortet.stages.gate import require_size
 from cortet.stages.solver_ready import surface_nodes_first
 
@@ -55,7 +53,7 @@ def export(
     holes: Collection[str] = (),
     beside: Matrices | None = None,
 ) -> list[str]:
-    """Write `path`, the files that belong to it and its sidecar, complete and verified or not at all.
+    """Write `path`, the files that belong to it and its sidecar, complete or not at all.
 
     Parameters
     ----------
@@ -69,7 +67,7 @@ def export(
     interior : how interior nodes got their values
     made_from : which surfaces were meshed, from `meshed.made_from`
     holes : inner regions whose tetrahedra are left out; the certificate is that of the whole mesh
-    beside : gives, of the mesh as it was read back, sparse matrices that are written beside it, by name
+    beside : gives sparse matrices of the mesh that are written beside it, by name
 
     Returns
     -------
@@ -80,8 +78,7 @@ def export(
     InputError
         a region lies in a hole, the format knows no holes, or a field has no real numbers
     StageError
-        the certificate is of another mesh, the mesh is not certified, or the written file breaks a convention of the
-        solver
+        the certificate is of another mesh, or the mesh is not certified or breaks a convention of solvers
     """
     require_holes(holes, solver)
     require_certified(mesh, certificate, path, uncertified=uncertified)
@@ -89,7 +86,7 @@ def export(
     if len((hollowed := hollow(mesh, holes)).cells) < len(mesh.cells):
         mesh, made_from = hollowed, {**(made_from or {}), "holes": list(holes)}
     mesh, renamed = writable(mesh, solver)
-    back = _write_verified(
+    lacks = _write_all(
         mesh,
         path,
         solver=solver,
@@ -98,11 +95,10 @@ def export(
         sources=sources or {},
         interior=interior,
         made_from=made_from,
-        body=bool(certificate["certified"]),
         beside=beside,
         bound_to=bound_to,
     )
-    return [] if isinstance(back, TriSurface) else renamed + left_out(mesh, back.mesh)
+    return [] if FORMATS[solver].is_surface else renamed + lacks
 
 
 def require_certified(mesh: TetMesh, certificate: Mapping[str, Any], path: Path, *, uncertified: bool) -> None:
@@ -117,7 +113,7 @@ def require_certified(mesh: TetMesh, certificate: Mapping[str, Any], path: Path,
         )
 
 
-def _write_verified(
+def _write_all(
     content: TetMesh | TriSurface,
     path: Path,
     *,
@@ -127,69 +123,63 @@ def _write_verified(
     sources: Mapping[str, FieldSource],
     interior: str | None,
     made_from: Mapping[str, Any] | None = None,
-    body: bool = True,
     beside: Matrices | None = None,
     bound_to: str = "",
-) -> AsRead | TriSurface:
-    """Write and verify a file; returns what was read back. `body` is false for an uncertified mesh, which may overlap.
+) -> list[str]:
+    """Write a file, those that belong to it and its sidecar; returns what its format cannot hold, in words.
 
     Matrices `beside` are those of the mesh whose hash is `bound_to`.
 
-    Raises StageError if the file breaks a convention of the solver.
+    Raises StageError if a mesh breaks a convention of solvers.
     """
+    form, kept, lacks = FORMATS[solver], content, list[str]()
+    if isinstance(content, TetMesh):
+        content = with_q(content) if form.has_q else content
+        if broken := broken_conventions(with_surface(content)):
+            raise StageError("no solver reads this mesh: " + "; ".join(broken), file=final_name(path))
+        held_mesh = held(content, form.holds, groups=form.has_groups)
+        kept = boundary_with_fields(held_mesh) if form.is_surface else held_mesh
+        lacks = [] if form.is_surface else left_out(content, held_mesh)
     may_write(sidecar_path(path))
     with atomic_folder(path) as folder:
-        form = FORMATS[solver]
-        if form.has_q and isinstance(content, TetMesh):
-            content = with_q(content)
         write(content, folder / path.name, solver=solver, unit=unit, frame=frame)
-        content = with_surface(content) if isinstance(content, TetMesh) else content
-        as_read = form.as_read(folder / path.name)
-        back = as_read if isinstance(as_read, TriSurface) else as_read.mesh
-        broken = problems(as_read, body=body)
-        if form.has_unit and unit == "mm":  # it was read as micrometres
-            back = replace(back, points=1000 * back.points)
-        if broken := broken or [*not_as_meant(content, back, form), *seen_otherwise(folder / path.name, solver, back)]:
-            what = "the written file is not what the solver reads: " + "; ".join(broken)
-            raise StageError(what, file=final_name(path))
-        matrices = {} if beside is None or not isinstance(back, TetMesh) else beside(back)
-        names = {name: f"{path.name}.{name}.npz" for name in matrices}
+        matrices = beside(content) if beside and isinstance(content, TetMesh) else {}
+        maps = {name: f"{path.name}.{name}.npz" for name in matrices}
         for name, matrix in matrices.items():
-            save_npz(folder / names[name], matrix)
+            save_npz(folder / maps[name], matrix)
         record = sidecar(
-            back,
-            nodes_sha256=array_sha256((as_read if isinstance(as_read, TriSurface) else as_read.mesh).points),
+            kept,
+            content,
             solver=solver,
             files=sorted(folder.iterdir()),
-            unit=unit if FORMATS[solver].has_unit else "mm",
+            unit=unit if form.has_unit else "mm",
             frame=frame or CoordinateFrame(),
             sources=sources,
             interior=interior,
             made_from=made_from,
-            meant=content,
         )
-        if names:
-            record["map"] = {**names, "mesh_sha256": bound_to}
+        if maps:
+            record["map"] = {**maps, "mesh_sha256": bound_to}
         for file in folder.iterdir():
             may_write(path.with_name(file.name))  # check before deleting anything
         delete_made(sidecar_path(path))  # an earlier export of this name may have had other sets
         write_json(record, sidecar_path(folder / path.name))
-    return as_read
+    return lacks
 
 
 def write(
     content: TetMesh | TriSurface, path: Path, *, solver: str, unit: str = "um", frame: CoordinateFrame | None = None
 ) -> None:
-    """Write a mesh, or its boundary, in one format, without verifying the file."""
+    """Write a mesh, or its boundary, in one format, without its sidecar."""
     form = FORMATS[solver]
     if form.is_surface:
-        surface = content if isinstance(content, TriSurface) else _boundary(content)
+        surface = content if isinstance(content, TriSurface) else boundary_with_fields(content)
         form.write(replace(surface, frame=frame or CoordinateFrame()), path)
     else:
         form.write(content, path, **({"unit": unit} if form.has_unit else {}))
 
 
-def _boundary(mesh: TetMesh) -> TriSurface:
+def boundary_with_fields(mesh: TetMesh) -> TriSurface:
     """The boundary with its fields."""
     surface, nodes = boundary_surface(mesh)
     return replace(surface, point_data={name: values[nodes] for name, values in mesh.point_data.items()})
@@ -198,7 +188,7 @@ def _boundary(mesh: TetMesh) -> TriSurface:
 def convert(
     source: Path, target: Path, *, unit: str = "um", source_unit: str | None = None, tags: str | None = None
 ) -> list[str]:
-    """Convert a mesh file to the format that the name of `target` selects, and verify the written file.
+    """Convert a mesh file to the format that the name of `target` selects.
 
     Nodes are renumbered if those of the surface do not come first; a mesh without sets gets the default sets. If
     `source` has a sidecar, units, coordinate system and sources of fields come from there.
@@ -220,61 +210,51 @@ def convert(
         a file name selects no format; or `source` cannot be read, holds a surface although `target` is a mesh, has
         inverted tetrahedra, has not the size of a brain, or holds tetrahedra that fill no body
     StageError
-        the mesh has tetrahedra without volume, or the written file breaks a convention of its solver
+        the mesh breaks a convention of solvers
     """
-    read_from, written_as = format_of(source), format_of(target)
-    record = read_sidecar(source)
+    written_as, record = format_of(target), read_sidecar(source)
+    require_holes((record.get("made_from") or {}).get("holes", ()), written_as.name)
     done = [f"{source.name} was {CHANGED}"] if changed_since(source) else []
-    if read_from.is_surface:
-        if not written_as.is_surface:
-            raise InputError("holds a surface, not a mesh", file=source, remedy="`cortet mesh` fills it")
-        content = read_from.read(source)
+    content: TetMesh | TriSurface
+    if source.name.endswith((".stl", ".gii")) and written_as.is_surface:
+        content = read_surface(source)
     else:
-        content = _in_mm(read_from, source, record, source_unit)
-        require_body(content, source, holes=True)
-        surface_nodes = boundary_nodes(content)
+        mesh = _in_mm(source, record, source_unit)
+        require_body(mesh, source, holes=True)
+        surface_nodes = boundary_nodes(mesh)
         if surface_nodes[-1] != len(surface_nodes) - 1:
-            content = surface_nodes_first(content)[0]
+            mesh = surface_nodes_first(mesh)[0]
             done.append("nodes were renumbered, those of the surface first")
-        content, what = numbered_today(without_q(content), record)
-        done += what
-        if not content.sets.faces:
-            content, how = _with_face_sets(content)
+        if not mesh.sets.faces:
+            mesh, how = _with_face_sets(mesh)
             done.append(how)
-        content = with_surface(content)  # its groups of faces may be parts of the surface, as in files of Gmsh
-        content = tagged(content, tags) if tags else content
-        content, renamed = writable(content, written_as.name)
+        mesh = with_surface(mesh)  # its groups of faces may be parts of the surface, as in files of Gmsh
+        mesh = tagged(mesh, tags) if tags else mesh
+        content, renamed = writable(mesh, written_as.name)
         done += renamed
-    frame = record.get("coordinate_system")
-    known = getattr(content, "frame", None)
-    back = _write_verified(
+    stored, frame = record.get("coordinate_system"), content.frame if isinstance(content, TriSurface) else None
+    return done + _write_all(
         content,
         target,
         solver=written_as.name,
         unit=unit,
-        frame=CoordinateFrame(**{**frame, "matrix": tuple(frame["matrix"])}) if frame else known,
+        frame=CoordinateFrame(**{**stored, "matrix": tuple(stored["matrix"])}) if stored else frame,
         sources={name: _source(field) for name, field in record.get("fields", {}).items() if field["source"]},
         interior=next((field["interior"] for field in record.get("fields", {}).values()), None),
         made_from=moved(record.get("made_from"), source.parent, target.parent),
     )
-    if isinstance(content, TetMesh) and not isinstance(back, TriSurface):
-        done += left_out(content, back.mesh)
-    return done
 
 
-def _in_mm(form: Format, source: Path, record: Mapping[str, Any], unit: str | None) -> TetMesh:
-    """The mesh of a file in mm; InputError if it cannot be one of a brain."""
+def _in_mm(source: Path, record: Mapping[str, Any], unit: str | None) -> TetMesh:
+    """The mesh of a file in mm, without q; InputError if it cannot be one of a brain."""
     known = record.get("units", {}).get("coordinates")
     if unit and known and unit != known:
         what = f"has coordinates in {known}, as its sidecar says, not in {unit}"
         raise InputError(what, file=source, remedy="leave --source-unit out")
-    if form.has_unit:
-        unit = unit or known or "um"
-    if form.has_unit and unit in ("mm", "um"):
-        mesh = form.read(source, unit=unit)
-    else:
-        mesh = form.read(source, **({"unit": "mm"} if form.has_unit else {}))
-        mesh = replace(mesh, points=UNITS[unit or "mm"] * mesh.points)
+    stored = unit or known or ("um" if source.suffix == ".pts" else "mm")
+    mesh = without_q(read_mesh(source, unit="mm"))
+    if stored != "mm":
+        mesh = replace(mesh, points=mesh.points * UNITS[stored])
     volumes = signed_volumes(mesh.points, mesh.cells)
     if wrong := int((volumes <= 0).sum()):
         what = f"{wrong} of its {len(volumes)} tetrahedra are inverted or have no volume"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.surface_sets import CORE
-from cortet.formats.tags import region_numbers
+from cortet.formats.tags import face_tags, region_numbers, regions
 from cortet.formats.untrusted import safely_named
 from cortet.meshes import REGION, MeshSets, TetMesh
 from cortet.solver_files.sets import set_name
 
 #: formats whose files are plain ASCII
-ASCII = ("abaqus", "febio", "nastran", "carp", "carp_binary")
+ASCII = ("abaqus", "febio", "nastran", "carp")
 
 _T = TypeVar("_T")
 
@@ -47,15 +47,32 @@ def writable(mesh: TetMesh, solver: str) -> tuple[TetMesh, list[str]]:
     return made, list(dict.fromkeys(changes))
 
 
-def left_out(mesh: TetMesh, back: TetMesh) -> list[str]:
-    """Which fields and sets of a mesh are missing when its file is read back, in words.
+def held(mesh: TetMesh, holds: Collection[str], *, groups: bool) -> TetMesh:
+    """The part of the fields and sets of a mesh that a format holds.
 
-    A field of several components may have become one field per component, named `<field>_1` and so on.
+    Parameters
+    ----------
+    holds : as `Format.holds`
+    groups : as `Format.has_groups`
     """
+    named = regions(mesh) | face_tags(mesh) if groups else {}
+
+    def kept(kind: str, values: Mapping[str, Any], known: Collection[str] = ()) -> dict[str, Any]:
+        return {name: some for name, some in values.items() if kind in holds or name in known}
+
+    sets = MeshSets(
+        kept("nodes", mesh.sets.nodes), kept("faces", mesh.sets.faces, named), kept("cells", mesh.sets.cells, named)
+    )
+    point_data, cell_data = kept("point_data", mesh.point_data), kept("cell_data", mesh.cell_data, holds)
+    return replace(mesh, point_data=point_data, cell_data=cell_data, sets=sets)
+
+
+def left_out(mesh: TetMesh, back: TetMesh) -> list[str]:
+    """Which fields and sets of a mesh are missing in what its file holds, in words."""
     whats = ("fields of the nodes", "fields of the tetrahedra", "sets of nodes", "sets of faces", "sets of tetrahedra")
     told = []
     for what, before, after in zip(whats, _named(mesh), _named(back), strict=True):
-        lost = [name for name in before if name not in after and f"{name}_1" not in after]
+        lost = [name for name in before if name not in after]
         lost = [name for name in lost if name != REGION]  # every format has the numbers
         if before is mesh.sets.cells and after and _is_of_regions(mesh, CORE):
             lost = [name for name in lost if name != CORE]
@@ -98,7 +115,7 @@ def _naming(solver: str) -> Callable[[Mapping[str, Any]], dict[str, Any]]:
                 names.append(set_name(name, names))
             return dict(zip(names, values.values(), strict=True))
         names = [_in_ascii(name) if solver in ASCII else name for name in values]
-        if solver in ("carp", "carp_binary"):  # names are parts of names of files, between dots
+        if solver == "carp":  # names are parts of names of files, between dots
             names = [name.replace(".", "_") for name in names]
         return safely_named(zip(names, values.values(), strict=True))
 

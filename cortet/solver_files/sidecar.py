@@ -1,25 +1,24 @@
 """The JSON file beside an exported mesh: what the mesh holds, where it came from, and the hashes that identify it.
 
-`<file>.json` names units, coordinate system, sets and the source of each field. It also holds the SHA-256 of the nodes
-and of the values of each field, as they are read back. So it exposes fields of another mesh, or of an earlier state of
-this mesh.
+`<file>.json` names units, coordinate system, sets and the source of each field. It also holds the SHA-256 of each file
+of the export, so that it tells a file that was changed since.
 """
 
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, Field, FiniteFloat, ValidationError
 
 from cortet.errors import InputError
-from cortet.formats.hashing import array_sha256, input_sha256, sha256
+from cortet.formats.hashing import sha256
 from cortet.formats.ownership import files_of, record_of
+from cortet.formats.surface_sets import with_surface
 from cortet.formats.tags import face_tags, regions
 from cortet.formats.untrusted import content
 from cortet.geometry.topology import boundary_faces, face_areas
@@ -40,9 +39,9 @@ def sidecar_path(path: Path) -> Path:
 
 
 def sidecar(
-    as_read: TetMesh | TriSurface,
+    content: TetMesh | TriSurface,
+    meant: TetMesh | TriSurface,
     *,
-    nodes_sha256: str,
     solver: str,
     files: Iterable[Path],
     unit: str,
@@ -50,52 +49,47 @@ def sidecar(
     sources: Mapping[str, FieldSource],
     interior: str | None,
     made_from: Mapping[str, Any] | None = None,
-    meant: TetMesh | TriSurface | None = None,
 ) -> dict[str, Any]:
     """Content of the sidecar.
 
     Parameters
     ----------
-    as_read : the mesh, read back from the file, in mm
-    nodes_sha256 : of the nodes as `verify` reads them, whatever the unit of the file
+    content : what the files hold, in mm
+    meant : the mesh that was written, with the names that a format may not hold
     files : files of the export
     unit : unit of the coordinates in the file
     frame : coordinate system of the surface the mesh was made from
     sources : name of a field -> where it came from
     interior : how interior nodes got their values; None if that is not known
     made_from : from `meshed.made_from`
-    meant : the mesh that was written, with the names of regions that a format may not hold; default: as it was read
     """
     record: dict[str, Any] = {
         "format": solver,
         **record_of(files),
         "units": {"coordinates": unit},
         "coordinate_system": asdict(frame),
-        "nodes": len(as_read.points),
-        "nodes_sha256": nodes_sha256,
+        "nodes": len(content.points),
     }
     if made_from:
         record["made_from"] = dict(made_from)
-    if isinstance(as_read, TetMesh):
-        faces = boundary_faces(as_read)
+    if isinstance(content, TetMesh) and isinstance(meant, TetMesh):
         record |= {
-            "tetrahedra": len(as_read.cells),
-            "volume_mm3": float(signed_volumes(as_read.points, as_read.cells).sum()),
-            "regions": regions(meant if isinstance(meant, TetMesh) else as_read),
-            "surface": face_tags(as_read),
+            "tetrahedra": len(content.cells),
+            "volume_mm3": float(signed_volumes(content.points, content.cells).sum()),
+            "regions": regions(meant),
+            "surface": face_tags(with_surface(meant)),
             "sets": {
                 kind: {name: len(members) for name, members in sets.items()}
-                for kind, sets in vars(as_read.sets).items()
+                for kind, sets in vars(content.sets).items()
             },
         }
-    else:
-        faces = as_read.faces
-    record |= {
+    faces = boundary_faces(content) if isinstance(content, TetMesh) else content.faces
+    fields = {name: _field(name, values, sources.get(name), interior) for name, values in content.point_data.items()}
+    return record | {
         "boundary_faces": len(faces),
-        "surface_area_mm2": float(face_areas(as_read.points, faces).sum()),
-        "fields": {name: _field(name, values, sources, interior) for name, values in as_read.point_data.items()},
+        "surface_area_mm2": float(face_areas(content.points, faces).sum()),
+        "fields": fields,
     }
-    return record
 
 
 class _Field(BaseModel):
@@ -106,13 +100,12 @@ class _Field(BaseModel):
     units: str
     kind: Literal["label", "scalar", "unknown"]
     interior: str
-    values_sha256: str
 
 
 class _Frame(BaseModel, extra="forbid"):
     dataspace: str
     xformspace: str
-    matrix: Annotated[list[Annotated[float, Field(allow_inf_nan=False)]], Field(min_length=16, max_length=16)]
+    matrix: Annotated[list[FiniteFloat], Field(min_length=16, max_length=16)]
 
 
 class _Surface(BaseModel):
@@ -126,7 +119,7 @@ class _MadeFrom(BaseModel):
     given: dict[str, _Surface]
     meshed: dict[str, _Surface]
     hemisphere: Literal["L", "R"] | None = None
-    gestational_age: Annotated[float, Field(strict=True, allow_inf_nan=False)] | None = None
+    gestational_age: Annotated[FiniteFloat, Field(strict=True)] | None = None
     holes: list[str] = []
 
 
@@ -134,10 +127,8 @@ class _Record(BaseModel):
     """The part of a sidecar, of whatever origin, that is read."""
 
     fields_: dict[str, _Field] = Field(alias="fields")
-    nodes_sha256: str
     files: dict[str, str] = {}
     units: dict[str, str] = {}
-    sets: dict[str, dict[str, int]] = {}
     coordinate_system: _Frame | None = None
     made_from: _MadeFrom | None = None
 
@@ -178,50 +169,17 @@ def changed_since(path: Path) -> bool:
     return any(not file.is_file() or sha256(file) != digest for file, digest in beside.items())
 
 
-def stale(path: Path, as_read: TetMesh | TriSurface) -> Iterator[str]:
-    """Differences between a file and its sidecar, in words; none if there is no sidecar."""
-    record = read_sidecar(path)
-    if not record:
-        return
-    fields, nodes, sets = record["fields"], record["nodes_sha256"], record.get("sets", {})
-    if nodes != array_sha256(as_read.points):
-        yield "the nodes are not those that the sidecar records: the fields belong to other nodes"
-    for kind, recorded in sets.items():
-        found = vars(as_read.sets).get(kind, {}) if isinstance(as_read, TetMesh) else {}
-        for name, count in recorded.items():
-            if len(found.get(name, ())) != count:
-                yield f"set {name} has {len(found.get(name, ()))} {kind}, the sidecar records {count}"
-    for name in as_read.point_data.keys() - fields.keys():
-        yield f"field {name} is not in the sidecar: its source is not known"
-    for name, field in fields.items():
-        if name not in as_read.point_data:
-            yield f"field {name} of the sidecar is missing"
-        elif field["values_sha256"] != array_sha256(as_read.point_data[name]):
-            yield f"field {name} is stale: its values are not those that the sidecar records"
-        elif (
-            field["source"]
-            and os.path.isfile(field["source"])  # noqa: PTH113, false of names that are too long; no device, which has no end
-            and input_sha256(field["source"]) != field["source_sha256"]
-        ):
-            yield f"field {name} is stale: {field['source']} has changed since"
-
-
-def _field(name: str, values: NDArray[Any], sources: Mapping[str, FieldSource], interior: str | None) -> dict[str, Any]:
-    """Record of a field; a component `<name>_2` has the source of `<name>`."""
-    source = sources.get(name) or sources.get(name.rpartition("_")[0])
+def _field(name: str, values: NDArray[Any], source: FieldSource | None, interior: str | None) -> dict[str, Any]:
+    """Record of a field."""
+    kind = source.kind if source else "unknown"
+    within = "unknown" if source is None or interior is None else "nearest" if kind == "label" else interior
+    boundary = {"label": "label of the largest barycentric weight", "scalar": "barycentric", "unknown": "unknown"}
     return {
         "components": int(values[0].size) if len(values) else 1,
         "units": source.units if source else "mm" if name == THICKNESS else "unknown",
-        "kind": source.kind if source else "unknown",
+        "kind": kind,
         "source": source.file if source else "",
         "source_sha256": source.sha256 if source else "",
-        "boundary": {"label": "label of the largest barycentric weight", "scalar": "barycentric"}.get(
-            source.kind if source else "", "unknown"
-        ),
-        "interior": "unknown"
-        if source is None or interior is None
-        else "nearest"
-        if source.kind == "label"
-        else interior,
-        "values_sha256": array_sha256(values),
+        "boundary": boundary[kind],
+        "interior": within,
     }

@@ -58,7 +58,7 @@ def write(
     arguments: Mapping[str, Any],
     temporary: Path | None = None,
 ) -> list[str]:
-    """Write a mesh for a solver, with its sets and a sidecar, verified as written; returns what the format cannot hold.
+    """Write a mesh for a solver, with its sets and a sidecar; returns what the format cannot hold.
 
     Every mesh that cortet makes leaves it here. Parameters are those of `with_sets`; and
 

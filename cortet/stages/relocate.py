@@ -8,7 +8,8 @@ they are. Reference: https://gmsh.info/doc/texinfo/gmsh.html (gmsh/model/mesh/op
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -107,16 +108,29 @@ def relocate(mesh: TetMesh, settings: Relocate = Relocate()) -> tuple[TetMesh, R
     )
 
 
+@contextmanager
+def _session() -> Iterator[None]:
+    """An empty, silent Gmsh model on one thread, which reads no arguments, configuration or signals."""
+    import gmsh
+
+    gmsh.initialize(argv=[], readConfigFiles=False, run=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.option.setNumber("General.NumThreads", 1)
+        yield
+    finally:
+        gmsh.finalize()
+
+
 def _relocated(mesh: TetMesh, passes: int, fixed: IntArray) -> FloatArray:
     """New positions of the nodes, in the order of the mesh; those of `fixed` lie on a surface that Gmsh respects."""
     import gmsh
 
-    from cortet.formats.msh import session
     from cortet.geometry.topology import boundary_faces
 
     free = np.setdiff1d(np.arange(len(mesh.points)), fixed)
     faces = boundary_faces(mesh) if len(fixed) else np.empty((0, 3), np.int32)
-    with session():
+    with _session():
         try:
             if len(fixed):
                 gmsh.model.addDiscreteEntity(*_SURFACE)

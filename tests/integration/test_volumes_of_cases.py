@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cortet.formats import abaqus, vtu
+from cortet.formats import read_mesh, vtu
 from cortet.formats.tsv import read_tsv
 from cortet.formats.volumes import write_volume
 from tests.integration.study import Study, surface
@@ -30,7 +30,7 @@ def test_a_volume_of_a_case(study: Study) -> None:
     assert {rule for rule, case in ran if case == "sub-b"} == {"volumes", "export", "case_page"}
     assert {rule for rule, case in ran if case == "sub-a"} == {"export", "case_page"}
 
-    made = abaqus.read(study.files("sub-b*Solver_tetmesh.inp")[0])
+    made = read_mesh(study.files("sub-b*Solver_tetmesh.inp")[0])
     label = vtu.read(study.files("sub-b*Solver_volumes.vtu")[0]).cell_data["tissue"]
     np.testing.assert_array_equal(made.sets.cells["tissue_front"], np.flatnonzero(label == 2))
     centre = made.points[made.cells].mean(axis=1)
@@ -61,7 +61,7 @@ def test_a_volume_of_a_case(study: Study) -> None:
     assert "frontal" in tissues["name"].tolist()
     assert float(tissues["background"].iloc[-1]) == pytest.approx(0.5, abs=0.1)
     assert "background" in (study.outputs / "cohort/index.html").read_text()
-    assert "tissue_frontal" in abaqus.read(study.files("sub-b*Solver_tetmesh.inp")[0]).sets.cells
+    assert "tissue_frontal" in read_mesh(study.files("sub-b*Solver_tetmesh.inp")[0]).sets.cells
 
     write_volume(np.where(front, 2, 1).astype(np.int16), affine + 100 * np.eye(4, k=3), file)
     study.jobs_of_run(succeeds=False)

@@ -24,7 +24,7 @@ from cortet.cli import commands, main
 from cortet.cli.values import Number, inner_file
 from cortet.cohort.sheet import read_sheet
 from cortet.config import load
-from cortet.formats import braingrowth, vtu
+from cortet.formats import vtu
 from cortet.formats.gifti import read_surface, write_fields, write_surface
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface, surface_topology
@@ -259,7 +259,7 @@ def test_an_error_is_one_line_on_stderr(tmp_path: Path, capsys: pytest.CaptureFi
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
-        (["-o", "x.obj"], "is of no known mesh format"),
+        (["-o", "x.obj"], "is of no format"),
         (["-o", "x.vtu", "--cell-size", "0.12345"], "generate.cell_size"),
         (["-o", "x.vtu", "--config", "none.yaml"], "none.yaml: cannot be read"),
         (["-o", "x.vtu", "--field", "thickness=none.shape.gii"], "none.shape.gii"),
@@ -353,17 +353,6 @@ def test_a_white_surface_is_meshed_without_a_cortex_and_that_is_said(
     assert made.kind == "white" and made.named().sets.cells.keys() == {"core"}
 
 
-def test_verify_checks_the_written_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "cube.mesh"
-    braingrowth.write(cube_mesh(1), path)  # all eight nodes lie on the surface
-    assert main(["verify", str(path)]) == 0
-    lines = path.read_text().splitlines()
-    path.write_text("\n".join(lines[:-1]) + "\n")
-    assert main(["verify", str(path)]) == 1
-    assert str(path) in capsys.readouterr().out
-    assert main(["verify", str(tmp_path / "x.vtu")]) == 1
-
-
 def test_phantom_writes_a_surface_of_that_age(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "p.surf.gii"
     assert main(["phantom", "--ga", "26", "--subdivisions", "3", "-o", str(path)]) == 0
@@ -426,16 +415,11 @@ def test_cohort_scan_replaces_no_sheet_unasked(tmp_path: Path, capsys: pytest.Ca
     assert sheet.read_bytes().startswith(scanned)
 
 
-def test_convert_writes_the_format_of_the_name_and_verify_reads_it_as_any_solver(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_convert_writes_the_format_of_the_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source, target = tmp_path / "cube.vtu", tmp_path / "cube.inp"
     vtu.write(cube_mesh(2), source)
     assert main(["convert", str(source), str(target), "--source-unit", "mm"]) == 0
-    assert f"{target}: written and verified" in capsys.readouterr().out
-    assert main(["verify", str(target)]) == main(["verify", str(target), "--solver", "abaqus"]) == 0
-    assert main(["verify", str(target), "--solver", "febio"]) == 1
-    assert "not well-formed XML" in capsys.readouterr().out
+    assert f"{target}: written" in capsys.readouterr().out
     assert main(["convert", str(target), str(tmp_path / "cube.obj")]) == 1
 
 
@@ -548,3 +532,28 @@ def test_a_fold_that_was_killed_goes_on_with_the_age_of_its_file(tmp_path: Path)
     assert main(command) == 0
     assert not list((tmp_path / "folded").rglob(".[0-9]*"))
     assert read_tsv(tmp_path / "folded/fold.tsv").iloc[0]["gestational_age"] == "24"
+
+
+@pytest.mark.parametrize(
+    ("words", "instead"),
+    [
+        ("verify x.inp", "cortet certify"),
+        ("convert x.vtu x.vtk", "write .vtu"),
+        ("convert x.vtu x.bpts", "write .pts"),
+        ("convert x.feb y.vtu", "give the .vtu"),
+        ("convert x.mesh y.inp", "give the .vtu"),
+        ("run sheet.tsv out --formats vtk", "use vtu"),
+        ("run sheet.tsv out --formats gmsh_v2", "use gmsh"),
+    ],
+)
+def test_who_asks_for_what_went_is_told_what_to_use_instead(
+    words: str, instead: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    vtu.write(cube_mesh(2, side=40.0), tmp_path / "x.vtu")
+    for name in ("x.feb", "x.mesh"):
+        (tmp_path / name).write_text("a mesh\n")
+    with contextlib.suppress(SystemExit):
+        assert main(words.split()) == 1
+    said = capsys.readouterr().err
+    assert instead in said and len(said.splitlines()) == 1

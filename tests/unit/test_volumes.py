@@ -21,7 +21,7 @@ from cortet.cli import main
 from cortet.cohort.scan import scan
 from cortet.cohort.sheet import read_sheet, write_sheet
 from cortet.errors import InputError
-from cortet.formats import abaqus, vtu
+from cortet.formats import read_mesh, vtu
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.placement import matrix
 from cortet.formats.tsv import read_tsv
@@ -688,7 +688,7 @@ def test_volumes_from_python(ball: TriSurface, labels: NDArray[np.int16], tmp_pa
     assert table["tetrahedra"].sum() == len(made.cells)
     shares = [made.mesh.cell_data[f"tissue_share_{key}"] for key in (0, 1, 2)]
     np.testing.assert_allclose(sum(shares), 1, atol=1e-5)
-    read = abaqus.read(made.save(tmp_path / "x.inp"))
+    read = read_mesh(made.save(tmp_path / "x.inp"))
     assert len(read.sets.cells["tissue_2"]) == table.loc[2, "tetrahedra"]
     with pytest.raises(InputError, match="'region' cannot be the name of a volume"):
         cortet.mesh(ball, 2.0, volumes={"region": file}, progress=False)

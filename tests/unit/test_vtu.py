@@ -1,6 +1,5 @@
 """The interchange file loses nothing and never appears half-written."""
 
-import meshio
 import numpy as np
 import pytest
 from cubes import cube_mesh
@@ -65,31 +64,3 @@ def test_a_truncated_file_is_refused_by_name(tmp_path):
 def test_a_missing_file_is_refused_by_name(tmp_path):
     with pytest.raises(InputError, match=r"absent\.vtu.*No such file"):
         vtu.read(tmp_path / "absent.vtu")
-
-
-def test_other_cells_than_tetrahedra_are_refused(tmp_path):
-    surface = meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])])
-    meshio.vtu.write(tmp_path / "surface.vtu", surface)
-    with pytest.raises(InputError, match="triangle"):
-        vtu.read(tmp_path / "surface.vtu")
-
-
-PIECE = """<Piece NumberOfPoints="4" NumberOfCells="1"><Points><DataArray type="Float64" NumberOfComponents="3"
- format="ascii">0 0 0 1 0 0 0 1 0 0 0 1</DataArray></Points><Cells>
-<DataArray type="Int32" Name="connectivity" format="ascii">0 1 2 3</DataArray>
-<DataArray type="Int32" Name="offsets" format="ascii">4</DataArray>
-<DataArray type="UInt8" Name="types" format="ascii">10</DataArray></Cells>
-<CellData><DataArray type="Float64" Name="NAME" format="ascii">1</DataArray></CellData></Piece>"""
-
-
-@pytest.mark.parametrize(("second", "good"), [("a", True), ("b", False)])
-def test_pieces_of_a_file_are_one_mesh_if_they_have_the_same_fields(tmp_path, second, good):
-    pieces = PIECE.replace("NAME", "a") + PIECE.replace("NAME", second)
-    (tmp_path / "m.vtu").write_text(
-        f'<VTKFile type="UnstructuredGrid"><UnstructuredGrid>{pieces}</UnstructuredGrid></VTKFile>'
-    )
-    if good:
-        assert vtu.read(tmp_path / "m.vtu").cell_data["a"].tolist() == [1, 1]
-        return
-    with pytest.raises(InputError, match="its pieces have different fields"):
-        vtu.read(tmp_path / "m.vtu")
