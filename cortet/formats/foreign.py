@@ -1,8 +1,4 @@
-"""Files other than GIfTI, recognised by their first bytes: readers for some, names for the others.
-
-trimesh 5.2 reads none of the texts in their place: it takes a text STL that is cut off for an empty one, a PLY or OFF
-that goes on after its declared faces for whole, 4OFF for OFF, and tears an OBJ apart where its material changes.
-"""
+"""Files other than GIfTI, recognised by their first bytes: readers for some, names for the others."""
 
 from __future__ import annotations
 
@@ -15,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.formats import freesurfer, obj, off, ply, stl
+from cortet.formats import drawn_surfaces, freesurfer, stl
 from cortet.formats.numbering import in_32_bits
 from cortet.formats.untrusted import GZIP, content, numbers, safe_name
 from cortet.meshes import TriSurface
 
 #: number of bytes examined; an OBJ file may begin with comments
 _HEAD = 1 << 16
-_OBJ = re.compile(rb"^v[ \t]+[-+.\d]", re.MULTILINE)
 #: CIVET: a surface begins with P, five properties of light and the number of vertices, values with a line of one number
 _MNI = re.compile(rb"\s*P(\s+[-+.\dEe]+){5}\s+\d+\s")
 _NUMBERS = re.compile(rb"\s*[-+.\d]+([eE][-+]?\d+)?[ \t]*\r?\n")
@@ -55,13 +50,7 @@ def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
         return freesurfer.read_surface
     if stl.begins(head, size):
         return _always_finite(stl.read)
-    if head.startswith(ply.MAGIC):
-        return _always_finite(ply.read)
-    if off.BEGINS.match(head):
-        return _always_finite(off.read)
-    if _OBJ.search(head) and b"\0" not in head and not head.lstrip().startswith(b"<"):
-        return _always_finite(obj.read)
-    return None
+    return _always_finite(drawn_surfaces.read) if drawn_surfaces.kind_of(head) else None
 
 
 def fields_of(path: Path) -> dict[str, NDArray[Any]] | None:
@@ -90,7 +79,7 @@ def name_of(path: Path) -> str:
         return known[0]
     if vtk := _VTK.search(head):
         return f"VTK {vtk[1].decode()} ({_CONVERT})"
-    if stl.begins(head, size) or head.startswith(ply.MAGIC) or off.BEGINS.match(head) or _OBJ.search(head):
+    if stl.begins(head, size) or drawn_surfaces.kind_of(head):
         return "a surface without values"
     if freesurfer.is_surface(head, size):
         return "a FreeSurfer surface"

@@ -85,7 +85,7 @@ def test_one_pass_per_threshold_in_a_folder_of_its_own_that_is_gone_afterwards(i
     [
         ("sys.exit('cannot read mesh')", "exit code 1 at threshold 0.7: cannot read mesh"),
         ("sys.exit(0)", r"wrote nothing at threshold 0.7, though [0-9]+ tetrahedra are above it"),
-        ("pts = pts[:-1]", "no usable result.*is not complete"),
+        ("pts = pts[:-1]", "no usable result"),
         ("elem[0] = str(len(elem) - 2); elem.pop(); lon.pop()", "returned 47 tetrahedra of 48"),
         ("pts[0] = str(len(pts)); pts.append('9 9 9')", "returned 28 nodes of 27"),
         ("elem[1] = 'Tt 0 1 2 3 1'", "changed the connectivity"),
