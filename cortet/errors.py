@@ -38,7 +38,11 @@ class CortetError(Exception):
 
 
 class InputError(CortetError):
-    """A file, table row or parameter given by the user cannot be used."""
+    """A file, table row or parameter given by the user cannot be used.
+
+    Whatever reads a file raises it for one that is missing, damaged, truncated or of another kind; so docstrings say
+    only what else is refused.
+    """
 
 
 class UsageError(InputError):

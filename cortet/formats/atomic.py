@@ -28,11 +28,6 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     """A temporary name beside `path`, with its suffixes, that is renamed to `path` when the block ends without error.
 
     A missing folder is created. After an error the temporary file is deleted and `path` is unchanged.
-
-    Raises
-    ------
-    InputError
-        the folder cannot be written to, or a command that is `guarded` may not write to `path`
     """
     path = Path(path)
     may_write(path)

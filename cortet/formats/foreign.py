@@ -93,12 +93,7 @@ def name_of(path: Path) -> str:
 
 
 def _plain(path: Path) -> NDArray[Any]:
-    """Numbers of a text, one a line: (n,); whole numbers without a point are labels, int32.
-
-    Raises
-    ------
-    InputError : a line holds no number, or several
-    """
+    """Numbers of a text, one a line: (n,); whole numbers without a point are labels, int32."""
     text = content(path).decode("utf-8", "replace").rstrip()
     whole = re.fullmatch(r"[-+\d\s]+", text) is not None
     try:

@@ -56,12 +56,7 @@ def is_values(head: bytes, size: int) -> bool:
 
 
 def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
-    """Read a surface, of quadrangles two triangles each; if `finite` is false, its coordinates need not be finite.
-
-    Raises
-    ------
-    InputError : the file is truncated, a coordinate is not finite, or a triangle refers to a vertex that does not exist
-    """
+    """Read a surface, of quadrangles two triangles each; if `finite` is false, its coordinates need not be finite."""
     remedy = "run recon-all again, or export the surface as GIfTI (mris_convert)"
     check_file(path)
     with path.open("rb") as file:
@@ -82,12 +77,7 @@ def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
 
 
 def read_values(path: Path) -> dict[str, NDArray[Any]]:
-    """The values of a file such as `lh.thickness`, named by the end of its name: (n,) float32.
-
-    Raises
-    ------
-    InputError : the file is truncated
-    """
+    """The values of a file such as `lh.thickness`, named by the end of its name: (n,) float32."""
     data = content(path)
     try:
         vertices, _, columns = np.frombuffer(data, ">i4", 3, len(VALUES)).tolist()
@@ -113,10 +103,6 @@ def read_annotation(path: Path) -> Annotation:
     """The labels of a file such as `lh.aparc.annot`.
 
     Source: https://surfer.nmr.mgh.harvard.edu/fswiki/LabelsClutsAnnotationFiles
-
-    Raises
-    ------
-    InputError : the file is truncated, has no table of labels, or a table of an unknown version
     """
     data = content(path)
     try:

@@ -95,11 +95,6 @@ def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
     Parameters
     ----------
     finite : false also accepts coordinates that are not finite, for the repair
-
-    Raises
-    ------
-    InputError : the file is missing, empty, truncated or no GIfTI; an array is missing; a coordinate is not finite; a
-        triangle refers to a vertex that does not exist; the matrix of the coordinates scales or shears them
     """
     if (read := foreign.surface_reader(Path(path))) is not None:
         return read(Path(path), finite=finite)
@@ -116,12 +111,7 @@ def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
 
 
 def hemisphere_of(path: str | Path) -> Literal["L", "R"] | None:
-    """The hemisphere that a GIfTI file names in AnatomicalStructurePrimary; None if it names none.
-
-    Raises
-    ------
-    InputError : the file cannot be read
-    """
+    """The hemisphere that a GIfTI file names in AnatomicalStructurePrimary; None if it names none."""
     named = re.search(_STRUCTURE, content(path), re.DOTALL)
     known: dict[bytes, Literal["L", "R"]] = {b"CortexLeft": "L", b"CortexRight": "R"}
     return known.get(named[1]) if named else None
@@ -138,12 +128,7 @@ def require_same_hemisphere(path: str | Path, hemisphere: str | None) -> None:
 
 
 def kind_of(path: str | Path) -> Literal["white", "pial"] | None:
-    """Which surface of the cortex a file holds: by AnatomicalStructureSecondary of a GIfTI, or its name; None: unknown.
-
-    Raises
-    ------
-    InputError : the file cannot be read
-    """
+    """Which surface of the cortex a file holds, as a GIfTI states or its name says; None: unknown."""
     stated = re.search(_SECONDARY, content(path), re.DOTALL)
     known: dict[bytes, Literal["white", "pial"]] = {b"GrayWhite": "white", b"Pial": "pial"}
     if stated and stated[1] in known:
@@ -158,11 +143,6 @@ def read_nested(path: str | Path, inner: Iterable[str | Path], fields: str | Pat
     Parameters
     ----------
     fields : another file of the same surface, whose fields replace those of `path`
-
-    Raises
-    ------
-    InputError
-        as `read_surface`
     """
     from cortet.geometry.nesting import nested  # loads Numba and SciPy, which one surface does without
 

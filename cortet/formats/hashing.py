@@ -19,12 +19,7 @@ _EXTERNAL = re.compile(rb"""ExternalFileName\s*=\s*["']([^"']+)["']""")
 
 
 def sha256(path: str | Path) -> str:
-    """Hash of a file, as `sha256sum` prints it.
-
-    Raises
-    ------
-    InputError : the file cannot be read
-    """
+    """Hash of a file, as `sha256sum` prints it."""
     try:
         with Path(path).open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -47,12 +42,7 @@ def companions(path: str | Path) -> list[Path]:
 
 
 def input_sha256(path: str | Path) -> str:
-    """Hash of a file of the user: that of `sha256`, or of this and those of its companions, if it has any.
-
-    Raises
-    ------
-    InputError : a file cannot be read
-    """
+    """Hash of a file of the user: that of `sha256`, or of this and those of its companions, if it has any."""
     hashes = [sha256(file) for file in (path, *companions(path))]
     return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
 

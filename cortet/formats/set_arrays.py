@@ -45,15 +45,7 @@ def names_of(mesh: TetMesh) -> dict[str, tuple[int, int]]:
 
 
 def without_sets(path: str | Path, points: FloatArray, cells: IntArray, of_nodes: Arrays, of_cells: Arrays) -> TetMesh:
-    """The mesh with its fields and sets, from the arrays that `with_sets` makes.
-
-    Raises
-    ------
-    InputError
-        the mesh is not sound
-    ValueError
-        an array of faces does not hold four bits
-    """
+    """The mesh with its fields and sets, from the arrays that `with_sets` makes."""
     fields, cell_fields = dict(of_nodes), dict(of_cells)
     sets = MeshSets(
         _indices(_taken(fields, _NODE_SET)),

@@ -45,13 +45,7 @@ def begins(head: bytes, size: int) -> bool:
 
 
 def read(path: str | Path) -> TriSurface:
-    """Read an STL file; vertices are in the order in which the triangles name them.
-
-    Raises
-    ------
-    InputError
-        the file is missing, its size does not fit its number of triangles, or a coordinate is not finite
-    """
+    """Read an STL file; vertices are in the order in which the triangles name them."""
     data = content(path)
     if data[:_HEADER_BYTES].lstrip()[:5].lower() == b"solid" and _TEXT.search(data):
         return _of_text(data, path)
@@ -76,13 +70,7 @@ def _of_text(data: bytes, path: str | Path) -> TriSurface:
 
 
 def merged(corners: NDArray[Any], path: str | Path) -> TriSurface:
-    """The surface of triangles with consecutive corners (3 m, 3); equal corners become one vertex.
-
-    Raises
-    ------
-    InputError
-        a coordinate is not finite
-    """
+    """The surface of triangles with consecutive corners (3 m, 3); equal corners become one vertex."""
     if not np.isfinite(corners).all():
         raise DamagedFileError("has corners whose coordinates are not finite", file=path)
     points, first, vertex = np.unique(corners, axis=0, return_index=True, return_inverse=True)

@@ -52,10 +52,6 @@ def read_uneven_tsv(path: Path) -> tuple[pd.DataFrame, dict[int, str]]:
     -------
     frame : all rows
     wrong : line -> what is wrong with the number of its values, and the remedy
-
-    Raises
-    ------
-    InputError : the file cannot be read, or is empty
     """
     import pandas as pd
 

@@ -135,13 +135,7 @@ def require_ascii(names: Iterable[str], path: str | Path) -> None:
 
 
 def triangulated(points: NDArray[Any], corners: NDArray[Any], path: str | Path) -> TriSurface:
-    """The surface of vertices (n, 3) and triangles (m, 3) that were read, whole numbers of any type.
-
-    Raises
-    ------
-    InputError
-        there are none, a coordinate is not finite, or a triangle refers to a vertex that does not exist
-    """
+    """The surface of vertices (n, 3) and triangles (m, 3) that were read, whole numbers of any type."""
     remedy = "export the surface again"
     if not len(points) or not len(corners):
         raise InputError("holds no vertices or no triangles", file=path, remedy=remedy)

@@ -41,12 +41,7 @@ _DATA = '</UnstructuredGrid>\n<AppendedData encoding="raw">\n_'
 
 
 def read(path: str | Path) -> TetMesh:
-    """Read a tetrahedral mesh, with `by_meshio` if another program wrote it.
-
-    Raises
-    ------
-    InputError : the file is not complete, or as `by_meshio.read`
-    """
+    """Read a tetrahedral mesh, with `by_meshio` if another program wrote it."""
     head, mark, data = content(path).partition(_DATA.encode())
     if not (head.startswith(_HEAD.encode()) and mark):
         from cortet.formats import by_meshio  # loads what the files between stages do without

@@ -97,11 +97,6 @@ def field_sources(files: Mapping[str, str | Path], units: Mapping[str, str] | No
     ----------
     units : field, or name of a file in `files`, -> units of its values; a field that is not named gets `unknown`, and
         `thickness` mm
-
-    Raises
-    ------
-    InputError
-        a file cannot be read, or holds no array
     """
     units = {THICKNESS: "mm", **(units or {})}
     return {

@@ -62,12 +62,7 @@ class Order:
 
 
 def read_result(path: Path) -> Iterator[Step]:
-    """The steps of a result, of one time or of a series.
-
-    Raises
-    ------
-    InputError : neither PyVista nor meshio can read the file, or what they read is no mesh with fields; it is Exodus
-    """
+    """The steps of a result, of one time or of a series."""
     check_file(path)
     if path.suffix.lower() in _EXODUS:  # a block for each region, which PyVista tears apart; meshio reads one time
         raise InputError(

@@ -134,13 +134,7 @@ class _Record(BaseModel):
 
 
 def read_sidecar(path: Path) -> dict[str, Any]:
-    """Content of the sidecar of a mesh file; empty if there is none.
-
-    Raises
-    ------
-    InputError
-        the file of that name is not a sidecar
-    """
+    """Content of the sidecar of a mesh file; empty if there is none."""
     file = sidecar_path(path)
     if not file.exists():
         return {}

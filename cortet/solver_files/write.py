@@ -68,10 +68,6 @@ def write(
     certificate : content of its certificate.json
     arguments : `Config.export_arguments`
     temporary : folder that holds the surfaces that were meshed, and gets the files; all of them move to that of `path`
-
-    Raises
-    ------
-    InputError, StageError : as `solver_files.export.export`
     """
     named, sources = with_sets(mesh, surface, origin, sets=sets, labels=labels, units=units)
     made_from = origin.made_from(path.parent, temporary)
