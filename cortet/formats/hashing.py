@@ -1,17 +1,15 @@
-"""SHA-256 of files and arrays, to identify inputs, fields and meshes."""
+"""SHA-256 of files and meshes, to identify them."""
 
 from __future__ import annotations
 
 import hashlib
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from cortet.errors import InputError
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from cortet.meshes import TetMesh
 
 #: attribute of an array of a GIfTI file that lies in another file
@@ -45,13 +43,6 @@ def input_sha256(path: str | Path) -> str:
     """Hash of a file of the user: that of `sha256`, or of this and those of its companions, if it has any."""
     hashes = [sha256(file) for file in (path, *companions(path))]
     return hashes[0] if len(hashes) == 1 else hashlib.sha256("".join(hashes).encode()).hexdigest()
-
-
-def array_sha256(values: NDArray[Any]) -> str:
-    """Hash of numbers as float64, row by row, little-endian."""
-    import numpy as np  # imported here: files are hashed before anything heavy is loaded
-
-    return hashlib.sha256(np.ascontiguousarray(values, "<f8").tobytes()).hexdigest()
 
 
 def mesh_sha256(mesh: TetMesh) -> str:

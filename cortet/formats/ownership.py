@@ -36,8 +36,6 @@ _HASHES = 2
 _TEMPORARY = re.compile(r"\.([0-9]+)-[0-9a-f]{8}\.(.+)")
 #: key and value that distinguish a record from other JSON files
 _SIGNATURE = {"made_by": "cortet"}
-#: most bytes of a record or a manifest
-_LONGEST_RECORD = 100_000_000
 
 
 @dataclass(frozen=True)
@@ -110,10 +108,8 @@ def may_write(path: Path) -> None:
         return
     _refuse_input(path, guard)
     place = path.absolute()
-    if path.is_dir() and not path.is_symlink():
-        raise InputError("is a folder", file=path, remedy="give the name of a file")
     if path.exists() and not path.is_file():
-        raise InputError("is a device or a pipe, not a file", file=path, remedy="give the name of a file")
+        raise InputError("is a folder, a device or a pipe", file=path, remedy="give the name of a file")
     allowed = guard.force or place in guard.made or guard.is_below_own_folder(place)
     if not allowed and os.path.lexists(path) and not is_ours(path):
         raise InputError(
@@ -255,7 +251,7 @@ def delete_made(record: Path) -> None:
 def json_of(file: Path) -> dict[str, Any]:
     """Content of a JSON file; empty if it is not a JSON file."""
     try:
-        data = json.loads(file.read_text("utf-8")) if file.stat().st_size < _LONGEST_RECORD else None
+        data = json.loads(file.read_text("utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
     return data if isinstance(data, dict) else {}
