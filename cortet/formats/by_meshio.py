@@ -55,7 +55,8 @@ _UNREAD = re.compile(
 #: lines of which a file may have one: more are several parts, or nodes that take the place of earlier ones
 _ONCE = (rb"^\*NODE\s*(?:,|\r?$)", rb"^\*PART\b", rb"^\*INSTANCE\b")
 _BY_VTK = "import sys, pyvista; pyvista.read(sys.argv[1]).save(sys.argv[2])"
-_PROPERTY = re.compile(rb"^\$ property (\d{1,8}): (\S.*?)\s*$", re.MULTILINE)
+#: names of regions in comments of cortet: Nastran, Abaqus
+_NAMED = re.compile(rb"^(?:\$ property|\*\* region) (\d{1,8}): (\S.*?)\s*$", re.MULTILINE)
 _ELEMENT_DATA = re.compile(rb"\$ElementData\s.*?\$EndElementData\s", re.DOTALL)
 
 
@@ -87,13 +88,19 @@ def read(path: Path) -> TetMesh:
     of_cells.pop("gmsh:geometrical", None)
     found.point_data.pop("gmsh:dim_tags", None)
     corners = _of("tetra", found, [block.data for block in found.cells])
+    cells, names = _cell_sets(found) if path.suffix == ".inp" else {}, _names(found, 3)
+    if number is None and cells.keys() >= names.keys() > set():  # sets whose numbers a comment of cortet has
+        number = np.zeros(len(corners), np.int32)
+        for name, tag in names.items():
+            number[cells[name]] = tag
+        of_cells[REGION] = number
     mesh = without_sets(path, found.points, corners, found.point_data, of_cells)
     sets = MeshSets(
         mesh.sets.nodes | {name: np.asarray(nodes, np.int32) for name, nodes in found.point_sets.items()},
         mesh.sets.faces | faces | _faces(found, len(found.points), path),
-        mesh.sets.cells | (_cell_sets(found) if path.suffix == ".inp" else {}),
+        mesh.sets.cells | cells,
     )
-    return replace(mesh, sets=sets if number is None else with_names(sets, number, _names(found, 3)))
+    return replace(mesh, sets=sets if number is None else with_names(sets, number, names))
 
 
 def _read(path: Path) -> Any:
@@ -114,10 +121,12 @@ def _read(path: Path) -> Any:
     if path.suffix == ".msh" and text.startswith(b"$MeshFormat\n2") and _ELEMENT_DATA.search(text):
         return _without_element_data(text, path)
     found = READERS[path.suffix](str(path))
+    named = {name.decode("ascii", "replace"): int(tag) for tag, name in _NAMED.findall(text)}
     if path.suffix == ".bdf":
-        named = [(name.decode("ascii", "replace"), int(tag)) for tag, name in _PROPERTY.findall(text)]
         solids = _of("tetra", found, found.cell_data["nastran:ref"])
-        found.field_data = {name: [tag, 3 if tag in solids else 2] for name, tag in named}
+        found.field_data = {name: [tag, 3 if tag in solids else 2] for name, tag in named.items()}
+    if path.suffix == ".inp":
+        found.field_data = {name: [tag, 3] for name, tag in named.items()}
     return found
 
 

@@ -149,7 +149,7 @@ def test_a_page_does_not_take_the_name_of_what_the_command_makes(
     assert sorted(file.name for file in tmp_path.iterdir()) == ["s.surf.gii"]
 
 
-@pytest.mark.parametrize("name", [name for name in READ if name != "abaqus"])  # meshio reads no comments
+@pytest.mark.parametrize("name", READ)
 def test_a_region_keeps_its_number_where_a_hole_leaves_one_out(name: str, tmp_path: Path) -> None:
     """As of cortex 1 and ventricle 3 without the white matter 2."""
     mesh = model()

@@ -350,8 +350,7 @@ def test_regions_are_materials_and_the_interface_a_named_surface_of_every_format
     export(mesh, path, solver=solver, certificate={"certified": True, "reasons": []})
     back = read_mesh(path)
     sets = back.sets
-    if solver != "abaqus":
-        assert np.array_equal(back.cell_data[REGION], meshed.mesh.cell_data[REGION])
+    assert np.array_equal(back.cell_data[REGION], meshed.mesh.cell_data[REGION])
     for name in ("cortex", "white"):
         assert np.array_equal(np.sort(sets.cells[name]), mesh.sets.cells[name])
     if solver in ("fenics", "gmsh", "vtu"):
