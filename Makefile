@@ -3,10 +3,10 @@
 CORES ?= 2
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
-.PHONY: help setup published cohort test check docs gallery figures notebook benchmark wheel doctor format lock clean
+.PHONY: help setup published cohort test test-all check docs gallery figures notebook benchmark wheel doctor format lock clean
 
 help: ## show this list
-	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 setup: ## install what is missing: system packages, .venv, compiled kernels
 	@tools/setup.sh
@@ -17,7 +17,12 @@ published: ## and pygalmesh, the paper's tool, which is compiled once
 cohort: setup ## run the workflow on config.yaml (CORES=2)
 	snakemake --cores $(CORES)
 
-test: ## run all tests (ARGS="-k quality" for some)
+test: ## run the tests, in ten minutes (ARGS="-k quality" for some)
+	@tools/setup.sh test
+	pytest --numprocesses $(CORES) --dist loadfile --no-loadscope-reorder -m "not thorough" $(ARGS)
+	@echo "left out, as they take minutes: $$(grep -rlE '^pytestmark.*thorough' tests | xargs -n 1 basename | xargs); make test-all runs them"
+
+test-all: setup ## run every test, as CI does
 	@tools/setup.sh test
 	pytest --numprocesses $(CORES) --dist loadfile --no-loadscope-reorder $(ARGS)
 

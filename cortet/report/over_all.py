@@ -151,6 +151,8 @@ def report(output: Path, *, after: Literal["success", "failure"] | None = None) 
     plan = with_failures(plan)
     written = _write_failure_pages(plan)
     wanted = {None: {*asked, *OF_COHORT}, "failure": {*asked}, "success": set[str]()}[after]
+    if Path(plan.layout.cohort_page).exists():
+        wanted.add("cohort_tables")  # of which it is made
     measured = bool(plan.measured_certificates())
     for rule, result in results(plan).items():
         there = any(Path(path).exists() for path in result.files)
