@@ -32,7 +32,10 @@ __all__ = ["app", "commands", "main"]
 #: the last of an option given twice counts; what looks like JSON is the name of a file
 _OPTIONS = Parameter(negative=(), show_default=False, allow_repeating=True, json_list=False, json_dict=False)
 #: commands that went -> what to use instead
-_WENT = {"verify": "went, as the tests read what cortet writes: `cortet certify` checks a mesh"}
+_WENT = {
+    "verify": "went, as the tests read what cortet writes: `cortet certify` checks a mesh",
+    "job": "went: examples/calculix.py and examples/fenics.py write such jobs",
+}
 _PLAIN = DefaultFormatter(panel_spec=PanelSpec(box=Box("    \n" * 8), padding=0))
 
 

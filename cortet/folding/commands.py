@@ -1,4 +1,4 @@
-"""The commands `fold`, `growth` and `job`: a mesh folds, a surface has grown, a solver lets the cortex grow."""
+"""The commands `fold` and `growth`: a mesh folds, a surface has grown."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated
 
 from cyclopts import App, Group, Parameter, Token
 
 from cortet.cli.given import read_mesh, stem_of
-from cortet.cli.meshes import filled_surface
 from cortet.cli.shared import GROWTH, Common, Configured, Writes, add
 from cortet.cli.values import (
     FolderOfFiles,
@@ -39,16 +38,6 @@ def aged_file(text: str) -> tuple[float, str]:
     return Number(*AGES).read(age), file
 
 
-def moduli(text: str) -> tuple[str, tuple[float, float | None]]:
-    """SET=SHEAR[,BULK]."""
-    name, equals, values = text.rpartition("=")
-    shear, comma, bulk = values.partition(",")
-    if not (name and equals):
-        raise ValueError(f"{text!r} is not SET=SHEAR or SET=SHEAR,BULK")
-    modulus = Number(1e-9, 1e9)
-    return name, (modulus.read(shear), modulus.read(bulk) if comma else None)
-
-
 def _weeks(_: object, tokens: Sequence[Token]) -> list[float]:
     """WEEKS,WEEKS."""
     return [Number(*AGES).read(text) for text in tokens[-1].value.split(",")]
@@ -66,19 +55,11 @@ Weeks = Annotated[
 ]
 Folder = Annotated[FolderOfFiles, O, Parameter(metavar="DIR")]
 AgedFiles = Annotated[Sequence[tuple[float, str]], pairs(aged_file, "WEEKS=FILE")]
-Moduli = Annotated[
-    Sequence[tuple[str, Any]],
-    pairs(moduli, "SET=SHEAR", "SET=SHEAR[,BULK]"),
-    Parameter(
-        help="Moduli of a set of tetrahedra, in units of the cortex's shear modulus; repeatable, and the last one "
-        "counts where sets overlap; CalculiX and FEniCS."
-    ),
-]
 
 
 def add_commands(app: App) -> None:
-    """Add `fold`, `growth` and `job`."""
-    add(app, GROWTH, fold, growth, job)
+    """Add `fold` and `growth`."""
+    add(app, GROWTH, fold, growth)
     add(app["fold"], Group("Parameters"), status, name="--status")
     app["fold"].usage = "Usage: cortet fold [OPTIONS] --output DIR MESH, or cortet fold --status DIR"
 
@@ -282,55 +263,4 @@ def growth(
     print(f"smoothed along the surface over {found.width_mm:.1f} mm (full width at half maximum)")
     print(f"{output}: written, with {metrics.name} and {record.name}; a mesh takes it with ", end="")
     print(f"--field {growth_field(end)}={output}")
-    return 0
-
-
-def job(
-    file: MeshFile,
-    /,
-    *,
-    output: Folder,
-    solver: Literal["calculix", "febio", "fenics"] = "calculix",
-    growth: Annotated[float, number(0, 1, "G")] = 0.05,
-    material: Moduli = (),
-    ten_nodes: Annotated[Path | None, Parameter(metavar="SURFACE")] = None,
-    _: Writes = Writes(),
-) -> int:
-    """Write a folder in which a solver lets the cortex grow.
-
-    Parameters
-    ----------
-    file
-        With the sets that cortet exports.
-    solver
-        Default: calculix.
-    growth
-        Along the cortex (default: 0.05).
-    ten_nodes
-        Elements of ten nodes that follow this surface, from which the mesh was made (CalculiX only).
-
-    Examples
-    --------
-    cortet job lh.inp -o job
-    """
-    from importlib import import_module
-
-    from cortet.geometry.quadratic import quadratic
-
-    module, run = {
-        "calculix": ("calculix", "ccx job"),
-        "febio": ("febio_job", "febio4 -i job.feb"),
-        "fenics": ("fenics_job", "python3 job.py"),
-    }[solver]
-    if ten_nodes is not None and solver != "calculix":
-        raise UsageError(f"--ten-nodes is not for {solver}", remedy="use it with --solver calculix, or leave it")
-    if material and solver == "febio":
-        raise UsageError("--material is not for febio", remedy="use another solver, or edit <Material> in job.feb")
-    mesh, more = read_mesh(file, whole=ten_nodes is not None), dict[str, object]()
-    if ten_nodes is not None:
-        more["curved"] = quadratic(mesh, filled_surface(file, ten_nodes)[0])
-    if material:
-        more["moduli"] = dict(material)
-    import_module(f"cortet.folding.{module}").write_job(mesh, output, growth=growth, **more)
-    print(f"{output}: written; run `{run}` in it")
     return 0

@@ -73,7 +73,7 @@ class Folding(Neighbour):
         return on_page(plan)
 
     def add_commands(self, app: App) -> None:
-        """Add `fold`, `growth` and `job`."""
+        """Add `fold` and `growth`."""
         from cortet.folding.commands import add_commands
 
         add_commands(app)
