@@ -1,16 +1,8 @@
-"""What all benchmarks share: a question as a command, a process that is measured, a line from surface to mesh, a table.
-
-A question is a function. Its parameters before `*` are the arguments of its command, those after it the options, and
-lines `name : text` of its docstring their help. What it returns is the exit code, or a text that ends it with 1.
-"""
+"""What all benchmarks share: a question as a command, a process that is measured, a mesh and what it took, a table."""
 
 from __future__ import annotations
 
-import argparse
-import inspect
-import re
 import resource
-import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -18,11 +10,11 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import get_context
 from pathlib import Path
-from types import NoneType
-from typing import Any, NamedTuple, get_args, get_origin
+from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
+from cyclopts import App, Parameter
 
 from cortet.config import Config, load
 from cortet.errors import CortetError
@@ -34,72 +26,22 @@ from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
 ROOT = Path(__file__).resolve().parents[1]
 Row = Mapping[str, Any]
 
-# --- commands --------------------------------------------------------------------------------------------------------
 
-
-def command(about: str | None, *questions: Callable[..., int | str | None]) -> Callable[[], None]:
-    """The `main` of a file: the first question is asked where the first word names no other one."""
-    named = {question.__name__: question for question in questions}
-
-    def main() -> None:
-        words = sys.argv[1:]
-        name = words.pop(0) if words and words[0] in named else questions[0].__name__
-        line = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
-        line.prog += f" {name}" * (len(named) > 1)
-        _add_arguments(line, named[name])
-        line.add_argument("--tsv", type=Path, metavar="FILE", help="write the rows there, too")
-        options = vars(line.parse_args(words))
-        if file := options.pop("tsv"):
-            Table.file = file
-            file.write_text("")
-        given = [options.pop(one.name) for one in _parameters(named[name]) if one.kind is not one.KEYWORD_ONLY]
-        try:
-            ended = named[name](*given, **options)
-        except argparse.ArgumentTypeError as error:
-            line.error(str(error))
-        if ended:
-            sys.exit(ended)
-
-    return main
-
-
-def _parameters(question: Callable[..., Any]) -> Iterable[inspect.Parameter]:
-    return inspect.signature(question, eval_str=True).parameters.values()
-
-
-def _add_arguments(line: argparse.ArgumentParser, question: Callable[..., Any]) -> None:
-    texts = dict(re.findall(r"^    (\w+) : (.+)$", question.__doc__ or "", re.MULTILINE))
-    for one in _parameters(question):
-        option, needed = one.kind is one.KEYWORD_ONLY, one.default is one.empty
-        names = [f"--{one.name.replace('_', '-')}"] if option else [one.name]
-        names += ["-o"] * (one.name == "output")
-        keys: dict[str, Any] = {"help": texts.get(one.name)} | ({} if needed else {"default": one.default})
-        if option:
-            keys["required"] = needed
-        else:
-            keys["metavar"] = one.name.upper()
-        kind = one.annotation
-        if NoneType in get_args(kind):
-            kind = get_args(kind)[0]
-        if kind is bool:
-            line.add_argument(*names, **keys, action="store_true")
-            continue
-        if get_origin(kind) is tuple:
-            keys["nargs"] = len(get_args(kind))
-        elif get_origin(kind) is Sequence:
-            keys["nargs"] = "+" if needed or option else "*"
-        elif not needed and not option:
-            keys["nargs"] = "?"
-        line.add_argument(*names, **keys, type=next(iter(get_args(kind)), kind))
+def command(about: str | None, *questions: Callable[..., int | None]) -> App:
+    """The command of a file: the first question is asked where the first word names no other one."""
+    one_word = Parameter(negative=(), consume_multiple=True)
+    app = App(help=about, help_format="plaintext", default_parameter=one_word)
+    app.default(questions[0])
+    for question in questions[1:]:
+        app.command(question)
+    return app
 
 
 # --- tables ----------------------------------------------------------------------------------------------------------
 
 
 class Table:
-    """Rows below a heading, each printed as it ends: aligned, and separated by tabs in `file`."""
-
-    file: Path | None = None
+    """Rows below a heading, each printed as it ends."""
 
     def __init__(self, *columns: str) -> None:
         self.columns = columns
@@ -119,9 +61,6 @@ class Table:
     def _print(self, cells: Sequence[str]) -> None:
         widths = (max(len(column), 9) for column in self.columns)
         print("  ".join(cell.ljust(width) for cell, width in zip(cells, widths, strict=True)).rstrip(), flush=True)
-        if self.file:
-            with self.file.open("a", encoding="utf-8") as file:
-                print(*cells, sep="\t", file=file)
 
 
 def _cell(value: object) -> str:

@@ -1,9 +1,7 @@
-"""What does a run of hundreds cost, where do time and memory go, and do its results survive kills and edits?
+"""What does a run of hundreds cost, and where do time and memory go?
 
     python benchmarks/cohort.py [--hemispheres 200 1000 10000] [--cell-size 0.6] [--minutes 60] [--plan-only]
     python benchmarks/cohort.py resources OUTPUT...
-    python benchmarks/cohort.py soak [--output FOLDER] [--cases 200] [--kills 10] [--seed 0] [--cores 2]
-    python benchmarks/cohort.py provenance [--sequences 200] [--seed 0] [--cores 2] [--output FOLDER]
 
 Without a word nothing is meshed: sheets whose surfaces are links to one phantom are planned by Snakemake: as a whole,
 one batch of ten, then with everything done (empty files, `--touch`), and with the surface of one row changed.
@@ -14,43 +12,25 @@ and, by the model of `cortet.cohort.resources`, core hours, disk and memory of t
 of their configuration). `MB` and `s CPU` are the most that was measured, `memory` and `CPU` the measured sums as
 fractions of the estimated ones; `asked` is the largest share that a job used of the memory it asks for, and `limit`
 that of wall time: above 1 a cluster would have killed it. Snakemake's own memory is left out.
-
-`soak` makes a cohort of small hemispheres, one in five broken at random: its surface, as in `breakages.py`, or the
-bytes of its file, as in `fuzz.py`. One run goes to its end; the other is killed with everything it started (SIGKILL),
-unlocked and started again, so often, and then left alone. Both must hold the same files with the same bits, apart from
-logs, times and Snakemake's notes; each case is certified or has its reason. Exits with 1 if not.
-
-`provenance` edits a cohort of two between runs, one to four times each, as users do (a surface replaced by one with an
-older time, two subjects swapped, files and folders renamed and moved, parameters changed, another working folder,
-everything touched). Exits with 1 if a certificate, a record or a mesh is of another input or of other parameters.
 """
 
 from __future__ import annotations
 
 import csv
-import hashlib
 import json
 import os
-import random
 import re
-import signal
 import subprocess
 import sys
 import tempfile
-import time
-from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
 import yaml
 from _frame import ROOT, command
-from breakages import BREAKAGES
-from fuzz import damaged
 
-from cortet.cohort.lock import NAME as LOCK
 from cortet.cohort.resources import (
     MEMORY_MARGIN,
     Cost,
@@ -61,16 +41,9 @@ from cortet.cohort.resources import (
     minutes_to_ask,
 )
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
-from cortet.config import load
 from cortet.errors import InputError
-from cortet.formats.gifti import read_surface, write_surface
-from cortet.formats.hashing import sha256
-from cortet.formats.tsv import read_tsv
-from cortet.geometry.icosphere import icosphere
-from cortet.geometry.topology import enclosed_volume
-from cortet.meshes import TriSurface
+from cortet.formats.gifti import write_surface
 from cortet.phantoms import phantom
-from cortet.stages import STAGES
 
 SNAKEMAKE = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--cores"]
 
@@ -224,8 +197,12 @@ def scale(
 ) -> None:
     """Plan cohorts of these sizes.
 
-    minutes : of the clock, for a step
-    plan_only : leave Snakemake out
+    Parameters
+    ----------
+    minutes
+        Of the clock, for a step.
+    plan_only
+        Leave Snakemake out.
     """
     if not plan_only:
         print(f"{'hemispheres':>12}  {'step':<26}{'jobs':>9}{'CPU s':>9}{'MB':>8}")
@@ -315,296 +292,7 @@ def resources(folders: Sequence[Path]) -> None:
     )
 
 
-# --- kills -----------------------------------------------------------------------------------------------------------
-
-#: mm; a hemisphere then has some thousands of tetrahedra
-SOAK_CELL_SIZE = 3.0
-#: what tells of the jobs, not of the results
-_OF_JOBS = ("logs", "benchmarks", LOCK, ".cortet")
-#: one case in so many is broken; some breakages need deeper sulci than small surfaces have
-_BROKEN = 5
-_ON_SMALL = [
-    break_ for name, break_ in BREAKAGES.items() if name not in ("bridge between banks", "50 crossing triangles")
-]
-
-
-def make_cohort(folder: Path, cases: int, seed: int) -> Path:
-    """Write the surfaces and the sheet; the file name of the sheet."""
-    rows, rng = [], random.Random(seed)
-    for number in range(cases):
-        age = 22 + number % 8
-        file = folder / f"surfaces/{number:03d}.surf.gii"
-        file.parent.mkdir(parents=True, exist_ok=True)
-        surface = phantom(age, subdivisions=4, seed=number)
-        how = rng.choice(["surface", "file"]) if number % _BROKEN == 0 else "not at all"
-        write_surface(rng.choice(_ON_SMALL)(surface) if how == "surface" else surface, file)
-        if how == "file":
-            file.write_bytes(damaged(file.read_bytes(), rng))
-        rows.append(Case(f"{number:03d}", None, "L", float(age), file))
-    write_sheet(rows, folder / "cohort.tsv")
-    return folder / "cohort.tsv"
-
-
-def prepared(folder: Path, sheet: Path, cores: int) -> list[str]:
-    """The workflow's command line in a folder; writes its configuration there."""
-    folder.mkdir(parents=True, exist_ok=True)
-    config = {"cohort": {"sheet": str(sheet)}, "generate": {"cell_size": SOAK_CELL_SIZE}, "fold": {"cases": []}}
-    (folder / "config.yaml").write_text(yaml.safe_dump(config), encoding="utf-8")
-    return [*SNAKEMAKE, str(cores), "--keep-going"]
-
-
-def run(arguments: list[str], folder: Path) -> int:
-    """Run to the end; what is said goes to `log`."""
-    with (folder / "log").open("a", encoding="utf-8") as log:
-        return subprocess.run(arguments, cwd=folder, stdout=log, stderr=log, check=False).returncode
-
-
-def run_and_kill(arguments: list[str], folder: Path, seconds: float) -> bool:
-    """Kill a run and all that it started after so many seconds; False if it ended before."""
-    with (folder / "log").open("a", encoding="utf-8") as log:
-        process = subprocess.Popen(arguments, cwd=folder, stdout=log, stderr=log, start_new_session=True)
-        try:
-            process.wait(seconds)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-            return True
-    return False
-
-
-def results(folder: Path) -> dict[str, str]:
-    """SHA-256 by name of every file that a run left, but those of its jobs."""
-    outputs = folder / "derivatives/cortet"
-    files = [path for path in outputs.rglob("*") if path.is_file()]
-    names = {path.relative_to(outputs): path for path in files}
-    return {
-        str(name): hashlib.sha256(path.read_bytes()).hexdigest()
-        for name, path in sorted(names.items())
-        if name.parts[0] not in _OF_JOBS
-    }
-
-
-def differences(one: dict[str, str], other: dict[str, str]) -> list[str]:
-    """Names of files that only one of two runs has, or that differ."""
-    return sorted(name for name in one.keys() | other.keys() if one.get(name) != other.get(name))
-
-
-def soak(*, output: Path | None = None, cases: int = 200, kills: int = 10, seed: int = 0, cores: int = 2) -> int:
-    """Run both and print what became of them."""
-    folder = (output or Path(tempfile.mkdtemp())).resolve()
-    sheet = make_cohort(folder, cases, seed)
-    calm, disturbed = folder / "undisturbed", folder / "killed"
-
-    began = time.monotonic()
-    run(prepared(calm, sheet, cores), calm)
-    seconds = time.monotonic() - began
-    print(f"undisturbed: {seconds:.0f} s", flush=True)
-
-    rng, killed = random.Random(seed), 0
-    arguments = prepared(disturbed, sheet, cores)
-    for _ in range(kills):
-        after = rng.uniform(0, 2 * seconds / kills)
-        killed += run_and_kill(arguments, disturbed, after)
-        run([*arguments, "--unlock"], disturbed)
-    run(arguments, disturbed)
-    print(f"killed {killed} times: {time.monotonic() - began - seconds:.0f} s", flush=True)
-
-    status = read_tsv(calm / "derivatives/cortet/cohort/cohort_status.tsv")
-    for what, count in sorted(Counter(status["state"]).items()):
-        print(f"{count:4d} {what}")
-    unexplained = status[(status["state"] != "certified") & (status["reason"].isin(["", "n/a"]))]["case"].tolist()
-    other = differences(results(calm), results(disturbed))
-    print(f"{len(results(calm))} files, {len(other)} differ; {len(unexplained)} not certified without a reason")
-    for name in [*other, *unexplained]:
-        print(f"  {name}")
-    return 1 if other or unexplained else 0
-
-
-# --- edits -----------------------------------------------------------------------------------------------------------
-
-#: mm
-CELL_SIZE = 4.0
-#: the size of no two surfaces is alike, so that a mesh of another one has another volume
-_GROWTH = 1.12
-
-
-@dataclass
-class World:
-    """What a user has: surfaces, a configuration, working folders and an output folder."""
-
-    folder: Path
-    rng: random.Random
-    output: str = "derivatives"
-    working: str = "here"
-    surfaces: dict[str, str] = field(default_factory=lambda: {"a": "surfaces/a.surf.gii", "b": "surfaces/b.surf.gii"})
-    settings: dict[str, dict[str, Any]] = field(default_factory=dict)
-    made: int = 0
-
-    def surface(self, case: str) -> Path:
-        """File of the surface of a case."""
-        return self.folder / self.surfaces[case]
-
-    def config(self) -> dict[str, Any]:
-        """The configuration, as the working folder has it."""
-        defaults = {"generate": {"cell_size": CELL_SIZE}, "certify": {"max_area_change": 0.3, "max_volume_change": 0.5}}
-        chosen = {name: {**defaults.get(name, {}), **self.settings.get(name, {})} for name in defaults | self.settings}
-        return {"cohort": {"sheet": "../cohort.tsv"}, "output": f"../{self.output}", **chosen}
-
-    def new_surface(self, path: Path) -> None:
-        """Write a surface that no case had before."""
-        self.made += 1
-        ball = icosphere(3)
-        points = ball.points * (12 * _GROWTH ** (self.made % 7)) * [1, 1 + 1e-3 * self.made, 0.9]
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_surface(TriSurface(points, ball.faces), path)
-
-    def run(self, cores: int) -> int:
-        """Run the workflow in the working folder."""
-        rows = [Case(name, None, "L", 24.0, self.surface(name)) for name in self.surfaces]
-        write_sheet(rows, self.folder / "cohort.tsv")
-        place = self.folder / self.working
-        place.mkdir(exist_ok=True)
-        (place / "config.yaml").write_text(yaml.safe_dump(self.config()), encoding="utf-8")
-        with (self.folder / "log").open("a", encoding="utf-8") as log:
-            words = [*SNAKEMAKE, str(cores), "meshes"]
-            return subprocess.run(words, cwd=place, stdout=log, stderr=log, check=False).returncode
-
-
-def replaced_by_an_older_file(world: World) -> None:
-    """A new surface under an old name, with a time of 2001."""
-    path = world.surface(world.rng.choice("ab"))
-    world.new_surface(path)
-    os.utime(path, (1e9, 1e9))
-
-
-def two_subjects_swapped(world: World) -> None:
-    """Their files change places and keep their times."""
-    first, second = world.surface("a"), world.surface("b")
-    aside = first.with_name("aside")
-    first.rename(aside)
-    second.rename(first)
-    aside.rename(second)
-
-
-def a_surface_renamed(world: World) -> None:
-    """The file and its row of the sheet."""
-    case = world.rng.choice("ab")
-    old = world.surface(case)
-    world.made += 1
-    world.surfaces[case] = f"surfaces/{case}{world.made}.surf.gii"
-    old.rename(world.surface(case))
-
-
-def output_moved(world: World) -> None:
-    """The output folder gets another name."""
-    old, world.made = world.folder / world.output, world.made + 1
-    world.output = f"derivatives{world.made}"
-    old.rename(world.folder / world.output)
-
-
-def everything_moved(world: World) -> None:
-    """The folder of all others gets another name."""
-    world.made += 1
-    world.folder = world.folder.rename(world.folder.with_name(f"world{world.made}"))
-
-
-def parameters_changed(world: World) -> None:
-    """One key of the configuration."""
-    section, key, values = world.rng.choice(
-        [
-            ("clean", "thresholds", [[0.7, 0.5, 0.3], [0.6, 0.4], [0.5]]),
-            ("certify", "q_max", [0.6, 0.55, 0.5]),
-            ("smooth_surface", "enabled", [True, False]),
-            ("reconnect", "threshold", [0.3, 0.31]),
-            ("export", "cortex_depth", [1.5, 2.0]),
-        ]
-    )
-    world.settings.setdefault(section, {})[key] = world.rng.choice(values)
-
-
-def another_working_folder(world: World) -> None:
-    """Where Snakemake is started and keeps its notes."""
-    world.working = world.rng.choice(["here", "there", "elsewhere"])
-
-
-def everything_touched(world: World) -> None:
-    """All files get the time of now."""
-    for path in world.folder.rglob("*"):
-        if path.is_file() and ".snakemake" not in path.parts:
-            path.touch()
-
-
-EDITS: tuple[Callable[[World], None], ...] = (
-    replaced_by_an_older_file,
-    two_subjects_swapped,
-    a_surface_renamed,
-    output_moved,
-    everything_moved,
-    parameters_changed,
-    another_working_folder,
-    everything_touched,
-)
-
-
-def contradictions(world: World) -> Iterator[str]:
-    """What in the output is not of the input and the parameters that there are now."""
-    config = load(world.config())
-    for case in world.surfaces:
-        path, meshes = world.surface(case), world.folder / world.output / f"sub-{case}/mesh"
-        wanted, name = sha256(path), f"sub-{case}_hemi-L_res-{round(1000 * CELL_SIZE)}um_desc-latticeSolver"
-        certificate = json.loads((meshes / f"{name}_certificate.json").read_text(encoding="utf-8"))
-        if not certificate["certified"]:
-            yield f"{case}: not certified"
-        if certificate["input"]["sha256"] != wanted:
-            yield f"{case}: the certificate names another surface"
-        facts = {"gestational_age": 24.0, "hemisphere": "L", "cell_size": CELL_SIZE, "mesher": "lattice"}
-        for step, recorded in certificate["parameters"].items():
-            asked = config.record(step, facts | {"source": recorded.get("source"), "nested": False})
-            if json.loads(json.dumps(asked)) != recorded:
-                yield f"{case}: {step} ran with other parameters"
-        # a stage that the configuration bypasses now may have left its record of another time, which nothing reads
-        labels = [STAGES[step].label for step in certificate["parameters"] if step in STAGES]
-        records = (world.folder / world.output / f"sub-{case}").rglob("*_white.json")
-        for record in (one for one in records if any(f"desc-{label}_" in one.name for label in labels)):
-            if json.loads(record.read_text(encoding="utf-8"))["input_sha256"] != {"surface": wanted}:
-                yield f"{case}: {record.name} is of another surface"
-        solver = meshes / f"{name}_sets.vtu"
-        sidecar = json.loads(solver.with_name(solver.name + ".json").read_text(encoding="utf-8"))
-        surface = read_surface(path)
-        volume = abs(enclosed_volume(surface.points, surface.faces))
-        if sidecar["files"] != {solver.name: sha256(solver)}:
-            yield f"{case}: the sidecar is of another file"
-        if sidecar["made_from"]["given"]["cortex"]["sha256"] != wanted:
-            yield f"{case}: the sidecar names another surface"
-        if not np.isclose(sidecar["volume_mm3"], volume, rtol=0.12):
-            yield f"{case}: the mesh has {sidecar['volume_mm3']:.0f} mm3, its surface {volume:.0f}"
-
-
-def provenance(*, sequences: int = 200, seed: int = 0, cores: int = 2, output: Path | None = None) -> int:
-    """Make the cohort, edit it, and print what came of it."""
-    place = (output or Path(tempfile.mkdtemp())).resolve()
-    world = World(place / "world", random.Random(seed))
-    for case in world.surfaces:
-        world.new_surface(world.surface(case))
-    edits, found, began = Counter[str](), [], time.time()
-    for number in range(sequences + 1):
-        chosen = [] if number == 0 else world.rng.choices(EDITS, k=world.rng.randint(1, 4))
-        for edit in chosen:
-            edit(world)
-        names = [edit.__name__ for edit in chosen]
-        edits.update(names)
-        failed = world.run(cores)
-        problems = ["the run failed"] if failed else list(contradictions(world))
-        found += [f"{number}: {', '.join(names)}: {problem}" for problem in problems]
-        if problems:
-            print(found[-len(problems) :], flush=True)
-    print(f"{sequences} sequences in {time.time() - began:.0f} s: {len(found)} contradictions")
-    for name, count in sorted(edits.items()):
-        print(f"{count:6} {name.replace('_', ' ')}")
-    return int(bool(found))
-
-
-main = command(__doc__, scale, resources, soak, provenance)
+main = command(__doc__, scale, resources)
 
 if __name__ == "__main__":
     main()

@@ -3,7 +3,6 @@
     python benchmarks/fidelity.py SURFACE... [--cell-sizes 1.0 0.6] [--setting default] [--mesher lattice]
     python benchmarks/fidelity.py regions PIAL... [--cell-sizes 1.0] [--inner white] [--min-gaps 0.5]
                                   [--elements-across 1] [--shell MM] [--cavity SHARE] [--keep FOLDER]
-    python benchmarks/fidelity.py smoothing SURFACE... [--cell-size 0.6] [--voxels 0.5]
 
 One row per surface and cell size, of the whole line, without an age. Distances are those of the vertices and face
 centres of the surface that was meshed to the boundary of the mesh, and of the boundary's nodes and face centres to that
@@ -13,19 +12,11 @@ process of its own with kernels compiled; CPU seconds are those of all threads, 
 `regions` meshes white inside pial: the inner surface of `X_pial.surf.gii` is `X_white.surf.gii` beside it. `moved` is
 what `separate` did to it. With a shell, or a cavity out of a label volume in the middle of the white matter, these are
 regions, too; columns on interfaces are about the worst of them.
-
-`smoothing` asks how far smoothing leads away: two rows per surface, with the smoothing by age of the paper, and ours.
-Distances are those between the boundary and the surface as it was read, the larger of both directions. The age is in
-the file's name (STA28, GW30, week40, GA27, 22w). With `--voxels` nothing is meshed: the surface is made into a label
-image with voxels of so many mm and taken out of it by marching cubes; a row says how far what each method makes of
-these stair steps is from the true surface.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -35,18 +26,15 @@ import trimesh
 from _frame import Line, Row, Table, alone, command, config_of, mesh, name_of
 from scipy import ndimage
 
-from cortet.config import SETTINGS
 from cortet.formats import vtu
 from cortet.formats.gifti import read_surface
 from cortet.geometry.closest_point import closest_points, surface_tree, tree_of
 from cortet.geometry.label_surface import label_surfaces
 from cortet.geometry.nesting import depths, nested
 from cortet.geometry.topology import TET_FACES, boundary_surface, enclosed_volume, face_areas
-from cortet.geometry.winding import winding_numbers
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface, single_precision
 from cortet.solver_files.label_surfaces import with_shell
-from cortet.stages.smooth_surface import SmoothReport, SmoothSurface, smooth_surface
 
 COLUMNS = (
     *("surface", "h_mm", "tets", "q_max", "q_mean", "above_0.35"),
@@ -61,7 +49,10 @@ def fidelity(
 ) -> None:
     """Mesh every surface at every cell size.
 
-    mesher : another one than the setting's
+    Parameters
+    ----------
+    mesher
+        Another one than the setting's.
     """
     table = Table(*COLUMNS)
     for file, h in product(surfaces, cell_sizes):
@@ -146,9 +137,14 @@ def regions(
 ) -> None:
     """Mesh every pair at every cell size.
 
-    shell : mm from the pial surface to that of a region csf around it
-    cavity : what lies deeper than this share of the deepest is a cavity
-    keep : folder for the meshes
+    Parameters
+    ----------
+    shell
+        From the pial surface to that of a region csf around it, mm.
+    cavity
+        What lies deeper than this share of the deepest is a cavity.
+    keep
+        Folder for the meshes.
     """
     table = Table(*REGION_COLUMNS)
     for file, h, gap, across in product(pials, cell_sizes, min_gaps, elements_across):
@@ -232,88 +228,7 @@ def cavity(white: TriSurface, share: float) -> TriSurface:
     return single_precision(made[0].surface)
 
 
-# --- smoothing -------------------------------------------------------------------------------------------------------
-
-METHODS: dict[str, dict[str, Any]] = {"published": SETTINGS["published"]["smooth_surface"], "taubin": {}}
-OF_SMOOTHING = ("surface", "weeks", "smoothing", "iterations")
-
-
-def smoothing(surfaces: Sequence[Path], *, cell_size: float = 0.6, voxels: float | None = None) -> None:
-    """Smooth every surface by both methods.
-
-    voxels : mesh nothing: smooth stair steps of so many mm
-    """
-    native = ("native_mean_mm", "native_max_mm", "native_area_change", "q_max", "certified", "cpu_seconds", "why_not")
-    table = Table(*OF_SMOOTHING, *(("true_mean_mm", "true_max_mm", "true_area_change") if voxels else native))
-    for file in surfaces:
-        row = {"surface": name_of(file), "weeks": age_of(file)}
-        if voxels:
-            true = read_surface(file)
-            for method, (surface, report) in smoothed(with_steps(true, voxels), age_of(file)).items():
-                iterations = report.chosen_iterations if report else ""
-                table.add(row, {"smoothing": method, "iterations": iterations}, distance_between(true, surface))
-            continue
-        for method in METHODS:
-            table.add(row, {"smoothing": method}, alone(with_smoothing, file, cell_size, method))
-
-
-def age_of(file: Path) -> float | None:
-    """Gestational age in weeks, as the name of a file says."""
-    age = re.search(r"(?:STA|GW|GA|week|_w)(\d{2})|(\d{2})w", file.name)
-    return float(age[1] or age[2]) if age else None
-
-
-def with_smoothing(file: Path, cell_size: float, method: str) -> Row:
-    """Run the line in this process; the row of its mesh."""
-    config = config_of(cell_size, smooth_surface=METHODS[method])
-    line = mesh(read_surface(file), config, gestational_age=age_of(file), source=file)
-    verdict = line.made.certificate
-    native, checks = verdict.native, {check.name: check.value for check in verdict.checks}
-    return {
-        "iterations": verdict.reports.get("smooth_surface", {}).get("chosen_iterations", ""),
-        "native_mean_mm": checks["distance between the boundary and the native surface, on average"],
-        "native_max_mm": checks["distance between the boundary and the native surface, at most"],
-        "native_area_change": native.relative_area_change if native else "",
-        "q_max": verdict.quality.q.max,
-        "certified": verdict.certified,
-        "cpu_seconds": line.used["cpu_seconds"],
-        "why_not": "; ".join(reason.split(";")[0] for reason in verdict.reasons),
-    }
-
-
-def with_steps(surface: TriSurface, voxel: float) -> TriSurface:
-    """The surface as the boundary of a label image with voxels of so many mm."""
-    import pyvista
-
-    low = surface.points.min(axis=0) - 2 * voxel
-    count = np.ceil((surface.points.max(axis=0) - low) / voxel).astype(int) + 3
-    grid = pyvista.ImageData(dimensions=count, spacing=(voxel,) * 3, origin=low)
-    inside = (winding_numbers(surface, np.asarray(grid.points)) > 0.5).astype(float)
-    steps = grid.contour([0.5], inside, method="flying_edges").clean()
-    made = TriSurface(np.asarray(steps.points, float), steps.faces.reshape(-1, 4)[:, 1:].astype(np.int32))
-    return made if enclosed_volume(made.points, made.faces) > 0 else replace(made, faces=made.faces[:, ::-1])
-
-
-def smoothed(steps: TriSurface, age: float | None) -> dict[str, tuple[TriSurface, SmoothReport | None]]:
-    """Stair steps, and what each method makes of them; the paper's needs an age."""
-    possible = {method: keys for method, keys in METHODS.items() if method != "published" or age is not None}
-    sections = {method: SmoothSurface(**keys) for method, keys in possible.items()}
-    made = {method: smooth_surface(steps, section, gestational_age=age) for method, section in sections.items()}
-    return {"none": (steps, None), **made}
-
-
-def distance_between(true: TriSurface, surface: TriSurface) -> dict[str, float]:
-    """How far a surface is from the true one."""
-    distances = closest_points(tree_of(true), surface.points).distances
-    area, true_area = (face_areas(one.points, one.faces).sum() for one in (surface, true))
-    return {
-        "true_mean_mm": float(distances.mean()),
-        "true_max_mm": float(distances.max()),
-        "true_area_change": float(area / true_area - 1),
-    }
-
-
-main = command(__doc__, fidelity, regions, smoothing)
+main = command(__doc__, fidelity, regions)
 
 if __name__ == "__main__":
     main()

@@ -1,12 +1,8 @@
-"""How like a real brain is a simulated one, how well do targets determine the model, and does it repeat the reference?
+"""How like a real brain is a simulated one?
 
     python benchmarks/fold_brain.py RUN... [--real SURFACE:AGE[:HEMI] ...] [--pair PIAL:WHITE:AGE:HEMI ...]
         [--weeks 24 26 ...]
     python benchmarks/fold_brain.py --table FOLDER
-    python benchmarks/fold_brain.py fit MESH --ga 22 --hemi L --output DIR [--step 0.15] [--end 36]
-        [--base NAME=VALUE ...]
-    python benchmarks/fold_brain.py vary damping MESH --values 0.5 0.1 0.05 --ga 22 --hemi L --output DIR [--end 30]
-    python benchmarks/fold_brain.py reference sphere5.mesh [--end 0.5] --output DIR
 
 RUN are folders of `cortet fold` that differ by chance alone, as seeds of a mesh do: their mean is shown, and half of
 what lies between the lowest and the highest of them. Beside it stand laws of Gompertz for area, volume and hull
@@ -19,33 +15,15 @@ or both, and not needed where the file names it. With a pair, what lies between 
 its share is of the volume of the pial surface, its thickness over the area of that without the medial wall; all else
 is of the white surface. `--table` measures all surfaces of that table again, which lie anywhere in a folder, and
 prints it.
-
-`fit`: folds the mesh with the constants of the model (or those of --base), and once more with each of them larger by
-a share. Targets are volume and area of usual hemispheres, from those of the mesh on, the thickness and the width of
-real folds, every second week. The first table has what runs miss of them, root mean square, in standard errors and in
-per cent. The second has what one standard error of all targets leaves of each parameter (the inverse of the
-Gauss-Newton matrix), and which target it follows most. Gyrification index, depth, hull and extents are not targets:
-the table by week compares them. A run that is in DIR already is not made again.
-
-`vary`: folds the mesh with each value of a constant of the model (`models.Constants`: damping of the solver, smoothing
-of the surface, ...), and prints index, area, width, wavelength and depth of folds every second week.
-
-`reference`: `sphere5.mesh` of BrainGrowth, a whole body, grows from t = 0 with the choices and the time step of the
-reference (`fold.reference`). The table holds area, volume and gyrification index of the surface, the first two
-relative to the start, and in parentheses how much they differ from the reference's own run. Contact is not the same
-in both. DIR gets everything that a run writes, with its pictures.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
-import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import numba
 import numpy as np
 import pandas as pd
 from _frame import command
@@ -53,19 +31,15 @@ from scipy.optimize import curve_fit
 
 from cortet.folding import real_brains
 from cortet.folding.body import scale_of
-from cortet.folding.fold import fold
-from cortet.folding.fold_figures import curves, draw
-from cortet.folding.growth import AREA, HULL, VOLUME, ByAge, age_of, usual
-from cortet.folding.journal import TABLE, VERDICT
+from cortet.folding.fold_figures import curves
+from cortet.folding.growth import AREA, HULL, VOLUME, usual
+from cortet.folding.journal import TABLE
 from cortet.folding.measurements import shape
 from cortet.folding.medial_wall import medial_wall
-from cortet.folding.models import CONSTANTS
-from cortet.folding.section import Settings
-from cortet.formats import braingrowth, vtu
 from cortet.formats.gifti import hemisphere_of, read_surface
-from cortet.formats.tsv import MISSING, read_tsv
+from cortet.formats.tsv import MISSING
 from cortet.geometry.topology import enclosed_volume
-from cortet.meshes import FloatArray, TetMesh, TriSurface
+from cortet.meshes import FloatArray, TriSurface
 
 WEEKS = (24.0, 26.0, 28.0, 30.0, 32.0, 34.0, 36.0, 38.0)
 #: ages between which a simulated brain should be like a real one, weeks
@@ -314,15 +288,15 @@ def _given(paths: int) -> Callable[[str], Given]:
     def read(text: str) -> Given:
         parts = text.split(":")
         if len(parts) not in (paths + 1, paths + 2):
-            raise argparse.ArgumentTypeError(f"{text!r} is not {'PIAL:WHITE' if paths > 1 else 'SURFACE'}:AGE:HEMI")
+            raise SystemExit(f"{text!r} is not {'PIAL:WHITE' if paths > 1 else 'SURFACE'}:AGE:HEMI")
         files, age = [Path(part) for part in parts[:paths]], parts[paths]
         hemisphere = parts[paths + 1] if len(parts) > paths + 1 else hemisphere_of(files[-1])
         if hemisphere not in ("L", "R", "both"):
-            raise argparse.ArgumentTypeError(f"{text!r} is of no hemisphere: end it with :L, :R or :both")
+            raise SystemExit(f"{text!r} is of no hemisphere: end it with :L, :R or :both")
         try:
             weeks = float(age)
         except ValueError:
-            raise argparse.ArgumentTypeError(f"{age!r} in {text!r} is not an age in weeks") from None
+            raise SystemExit(f"{age!r} in {text!r} is not an age in weeks") from None
         return Given(files[-1], weeks, None if hemisphere == "both" else hemisphere, files[0] if paths > 1 else None)
 
     return read
@@ -338,15 +312,20 @@ def weeks(
 ) -> None:
     """Measure what is given and print the tables.
 
-    real : SURFACE:AGE[:HEMI]
-    pair : PIAL:WHITE:AGE:HEMI
-    table : measure the surfaces of real_brains.tsv somewhere in this folder
+    Parameters
+    ----------
+    real
+        SURFACE:AGE[:HEMI].
+    pair
+        PIAL:WHITE:AGE:HEMI.
+    table
+        Measure the surfaces of real_brains.tsv somewhere in this folder.
     """
     if table:
         table_of(table).to_csv(sys.stdout, sep="\t", index=False, na_rep=MISSING)
         return
     if not (runs or real or pair):
-        raise argparse.ArgumentTypeError("name a run or a real surface")
+        raise SystemExit("name a run or a real surface")
     known = measured([*map(_given(1), real), *map(_given(2), pair)])
     if len(known):
         print(surfaces_table(known), end="\n\n")
@@ -364,200 +343,7 @@ def weeks(
     print("\n".join(f"- {line}" for line in laws()))
 
 
-# --- calibration -----------------------------------------------------------------------------------------------------
-
-#: parameters that are calibrated
-PARAMETERS = ("growth_rate", "core_stiffness", "thickness", "thickness_rate")
-#: weeks that are compared, and from when on there are folds whose width can be
-TARGET_WEEKS, FOLDED = np.arange(24.0, 39.0, 2.0), 28.0
-
-
-class Target(NamedTuple):
-    """What a column of the table of a run should be at each week."""
-
-    column: str
-    values: FloatArray
-    #: standard error of what real brains say of it, relative
-    error: float
-
-
-def targets(rows: pd.DataFrame, weeks: FloatArray) -> list[Target]:
-    """The targets of a run, by its first row."""
-    start = rows["gestational_age"].iloc[:1].to_numpy()
-
-    def grown(column: str, law: tuple[float, float, float]) -> FloatArray:
-        return float(rows[column].iloc[0]) * usual(law, weeks) / usual(law, start)
-
-    width = np.where(weeks >= FOLDED, 12.0, np.nan)  # all folded brains: Heuer et al. 2019
-    return [
-        Target("volume_mm3", grown("volume_mm3", VOLUME), 0.07),
-        Target("area_mm2", grown("area_mm2", AREA), 0.05),
-        Target("cortical_thickness_mm", np.full(len(weeks), 1.1), 0.05),
-        Target("fold_spacing_mm", width, 0.08),
-    ]
-
-
-def misses(rows: pd.DataFrame) -> dict[str, FloatArray]:
-    """What a run misses of each target at each week that it has reached, in standard errors."""
-    ages = rows["gestational_age"].to_numpy()
-    weeks = TARGET_WEEKS[(ages[0] + 1 < TARGET_WEEKS) & (ages[-1] + 1e-6 >= TARGET_WEEKS)]
-    found = {}
-    for target in targets(rows, weeks):
-        simulated = np.interp(weeks, ages, rows[target.column].to_numpy())
-        missed = (simulated / target.values - 1) / target.error
-        found[target.column] = missed[np.isfinite(missed)]
-    return found
-
-
-def determined(base: FloatArray, stepped: FloatArray, step: float) -> FloatArray:
-    """Standard error of each of p parameters, relative, if each of n targets is one standard error uncertain.
-
-    Parameters
-    ----------
-    base, stepped : misses (n,) of the run with the constants, and (p, n) with each parameter larger by a share `step`
-    """
-    slopes = (stepped - base) / step
-    return np.asarray(np.sqrt(np.diag(np.linalg.pinv(slopes @ slopes.T))))
-
-
-def larger(value: ByAge, share: float) -> ByAge:
-    """A constant, or all values of a table by age, larger by a share."""
-    if isinstance(value, Mapping):
-        return {age: of_age * (1 + share) for age, of_age in value.items()}
-    return value * (1 + share)
-
-
-def run_of(mesh: TetMesh, folder: Path, settings: Settings) -> pd.DataFrame:
-    """The table of a run, which is made unless its verdict is there."""
-    if not (folder / VERDICT).exists():
-        fold(mesh, folder, settings)
-    return read_tsv(folder / TABLE).apply(pd.to_numeric, errors="coerce")
-
-
-def fit(
-    mesh: Path, *, ga: float, hemi: str, output: Path, end: float = 36.0, step: float = 0.15, base: Sequence[str] = ()
-) -> None:
-    """Make the runs that are missing and print both tables.
-
-    step : share by which each parameter is larger
-    base : NAME=VALUE, instead of the constants of the model
-    """
-    numba.set_num_threads(1)
-    body = vtu.read(mesh)
-    given = {name: float(value) for name, value in (pair.split("=") for pair in base)}
-    constants: dict[str, Any] = {name: getattr(CONSTANTS["growing"], name) for name in PARAMETERS} | given
-    common = Settings(gestational_age=ga, hemisphere=hemi, end=end, record_interval=0.25)
-    found = {"base": misses(run_of(body, output / "base", common.with_keys(**constants)))}
-    print("run                       misses in standard errors (and in % of the target):  " + "  ".join(found["base"]))
-    for name in ("base", *PARAMETERS):
-        changed = {} if name == "base" else {name: larger(constants[name], step)}
-        label = name if name == "base" else f"{name}_times_{1 + step:g}"
-        rows = run_of(body, output / label, common.with_keys(**(constants | changed)))
-        found[name] = misses(rows)
-        errors = {target.column: target.error for target in targets(rows, TARGET_WEEKS)}
-        rms = {column: float(np.sqrt((missed**2).mean())) for column, missed in found[name].items()}
-        print(f"{label:26s}" + "  ".join(f"{rms[c]:5.2f} ({100 * rms[c] * errors[c]:4.1f} %)" for c in rms), flush=True)
-    flat = {name: np.concatenate(list(missed.values())) for name, missed in found.items()}
-    left = determined(flat["base"], np.array([flat[name] for name in PARAMETERS]), step)
-    print("\nparameter        standard error   moves most, per 10 % of it")
-    for name, error in zip(PARAMETERS, left, strict=True):
-        moved = {c: float((found[name][c] - found["base"][c]).mean()) * 0.1 / step for c in found["base"]}
-        column = max(moved, key=lambda c: abs(moved[c]))
-        print(f"{name:16s} {100 * error:12.1f} %   {column} by {moved[column]:+.2f} standard errors")
-
-
-# --- what a constant does --------------------------------------------------------------------------------------------
-
-
-def vary(
-    constant: str, mesh: Path, *, values: Sequence[float], ga: float, hemi: str, output: Path, end: float = 30.0
-) -> None:
-    """Make the runs that are missing and print what a constant changes."""
-    numba.set_num_threads(1)
-    body, usual_constants = vtu.read(mesh), CONSTANTS["growing"]
-    print(f"{constant:>9s}  weeks  index   area, cm2  width, mm  wavelength, mm  depth, mm")
-    for value in values:
-        CONSTANTS["growing"] = usual_constants._replace(**{constant: value})
-        rows = run_of(body, output / f"{value:g}", Settings(gestational_age=ga, hemisphere=hemi, end=end))
-        for week in np.arange(np.ceil(ga) + 2, end + 1e-6, 2):
-            row = rows.loc[(rows["gestational_age"] - week).abs().idxmin()]
-            print(
-                f"{value:9g} {week:6g} {row.gyrification_index:6.3f} {row.area_mm2 / 100:11.1f}"
-                f" {row.fold_spacing_mm:10.2f} {row.fold_wavelength_mm:15.2f} {row.sulcal_depth_mm:10.3f}",
-                flush=True,
-            )
-
-
-# --- the reference ---------------------------------------------------------------------------------------------------
-
-#: of the reference: 0.05 sqrt(rho / K) times a mesh spacing of 0.01
-TIME_STEP = 0.05 * (0.01 / 5) ** 0.5 * 0.01
-#: what the reference's own run of `sphere5.mesh` gave: step, area and volume relative to the start, gyrification index
-REFERENCE = np.array(
-    [
-        (447, 1.0020033, 1.0029693, 0.99997801),
-        (2236, 1.0153229, 1.0228103, 0.99996041),
-        (4472, 1.032496, 1.0477636, 0.99993898),
-        (8944, 1.0700889, 1.1017473, 0.99986506),
-        (13416, 1.1112279, 1.1574322, 0.99981367),
-        (17889, 1.1576529, 1.2116691, 1.000721),
-        (22361, 1.2217931, 1.2624585, 1.0052904),
-        (38013, 2.0183526, 1.5151901, 1.2274171),
-        (44721, 2.5204031, 1.6679498, 1.3845045),
-    ]
-)
-
-
-class Row(NamedTuple):
-    """Our run at one moment of the reference's."""
-
-    time: float
-    #: area and volume relative to the start, and gyrification index
-    values: tuple[float, float, float]
-    #: how much they exceed the reference's, relative to those
-    errors: tuple[float, float, float]
-
-
-def comparison(mesh: TetMesh, end: float, folder: Path) -> list[Row]:
-    """Run the mesh until t = `end` with the choices of the reference; a row for each of its moments until then."""
-    settings = Settings(
-        gestational_age=age_of(0.0),
-        end=age_of(end),
-        time_step=TIME_STEP,
-        model="braingrowth",
-        reference=True,
-        # rows equally far apart in age are not so in time: enough of them to interpolate between
-        record_interval=0.05,
-    )
-    fold(mesh, folder, settings)
-    columns = ("time", "area_mm2", "volume_mm3", "gyrification_index")
-    times, *found = (read_tsv(folder / TABLE)[name].to_numpy(float) for name in columns)
-    found[:2] = [values / values[0] for values in found[:2]]
-    rows = []
-    for step, *expected in REFERENCE[REFERENCE[:, 0] * TIME_STEP <= end]:
-        moment = float(step) * TIME_STEP
-        values = [float(np.interp(moment, times, values)) for values in found]
-        errors = [value / wanted - 1 for value, wanted in zip(values, expected, strict=True)]
-        rows.append(Row(moment, (values[0], values[1], values[2]), (errors[0], errors[1], errors[2])))
-    return rows
-
-
-def reference(mesh: Path = Path("../shared/data/tallinen/sphere5.mesh"), *, output: Path, end: float = 1.0) -> None:
-    """Fold the mesh of the reference and print the table."""
-    numba.set_num_threads(1)
-    began = time.process_time()
-    rows = comparison(braingrowth.read(mesh), end, output)
-    seconds = time.process_time() - began
-    print("   t                 area               volume         gyrification")
-    for row in rows:
-        cells = (f"{value:.5f} ({error:+.1e})" for value, error in zip(row.values, row.errors, strict=True))
-        print(f"{row.time:4.2f}  {'  '.join(cells)}")
-    print(f"{seconds:.0f} CPU seconds")
-    for path in draw(output, None):
-        print(f"{path}: drawn")
-
-
-main = command(__doc__, weeks, fit, vary, reference)
+main = command(__doc__, weeks)
 
 if __name__ == "__main__":
     main()

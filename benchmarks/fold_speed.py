@@ -1,53 +1,33 @@
-"""How fast is a fold, what does it cost in all, is its growth slow enough, and does the number of threads change it?
+"""How fast are the steps of a fold?
 
     python benchmarks/fold_speed.py [--cells 1e5 3e5 1e6] [--threads 1 2] [--steps 20]
-    python benchmarks/fold_speed.py runs MESH --ga 22 --hemi L [--end 30] [--models growing braingrowth] [--threads 1 2]
-    python benchmarks/fold_speed.py rate MESH --ga 22 --hemi L [--end 34] [--slower 1 2 4]
 
-The body of the first is a cube of Kuhn tetrahedra with displaced inner nodes that grows as a cortex does, its surface
+The body is a cube of Kuhn tetrahedra with displaced inner nodes that grows as a cortex does, its surface
 in contact search; each row is a process of its own, kernels compiled beforehand. On a busy machine wall time says
 little: compare the CPU seconds, and element-steps per CPU second and core. Memory is the peak of the process from the
 making of the body on, and what of it is above that before. Bytes are what a step has to bring from memory and back,
 every array once in each loop that uses it; operations are those of the formulas. Beside them stand what a plain sum of
 arrays and plain multiply-adds reach on one core at that moment, and how CPU seconds grow with the number of tetrahedra.
-
-`runs` folds a mesh with each model and number of threads: element-steps per CPU second of the steps, CPU seconds of
-all, what share of these is not steps (checks at the start, rows of the table, frames), and a hash of where every node
-ends. Exits with 1 if hashes of one model differ.
-
-`rate` stretches the time of the simulation; ages stay what they are. A brain folds in weeks, and its tissue is at rest
-at every moment; the body of the simulation has mass and damping, and grows much faster. Where a slower growth ends with
-the same brain, these do not matter. Prints the largest kinetic over elastic energy, and what the brain is like then.
 """
 
 from __future__ import annotations
 
-import hashlib
 import os
-import tempfile
 import time
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
 
 import numba
 import numpy as np
 from _frame import Row, Table, alone, command, print_power
 from cubes import cube_mesh
 
-from cortet.folding import fold as folding
-from cortet.folding import growth
 from cortet.folding.body import Material, body_of, scale_of
 from cortet.folding.contact import contact_of
 from cortet.folding.growth import Course
-from cortet.folding.journal import TABLE
 from cortet.folding.kernels import DONE, Motion, Work, advance, workspace
 from cortet.folding.models import course
 from cortet.folding.patches import ROWS
-from cortet.folding.section import Settings
 from cortet.folding.stability import longest_step
-from cortet.formats import vtu
-from cortet.formats.tsv import read_tsv
 from cortet.geometry.ordering import ordered_along_curve
 from cortet.geometry.topology import boundary_faces
 from cortet.meshes import TetMesh
@@ -169,91 +149,7 @@ def _multiply_add(n, x):  # type: ignore[no-untyped-def]
     return values.sum()
 
 
-# --- whole folds -----------------------------------------------------------------------------------------------------
-
-RUN_COLUMNS = ("model", "threads", "tets", "steps", "element_steps_per_cpu_s", "cpu_s", "share_of_rows", "sha256")
-#: of the table of a fold, in its units
-MEASURED = ("gyrification_index", "area_mm2", "volume_mm3", "fold_spacing_mm", "sulcal_depth_mm", "q_max")
-#: weeks of the run that compiles the kernels
-_SHORT = 0.02
-
-
-def runs(
-    mesh: Path,
-    *,
-    ga: float,
-    hemi: str | None = None,
-    end: float = 30.0,
-    models: Sequence[str] = ("growing", "braingrowth"),
-    threads: Sequence[int] = (1, 2),
-) -> str | None:
-    """Fold with each model and number of threads."""
-    table, differ = Table(*RUN_COLUMNS), False
-    for model in models:
-        settings = Settings(gestational_age=ga, hemisphere=hemi, end=end, model=model)
-        rows = [table.add(alone(of_run, mesh, settings, count)) for count in threads]
-        differ |= len({row.get("sha256") for row in rows}) > 1
-    return "the threads change the result" if differ else None
-
-
-def of_run(file: Path, settings: Settings, threads: int) -> Row:
-    """Fold in this process; the row."""
-    numba.set_num_threads(threads)
-    mesh, seconds, step = vtu.read(file), 0.0, folding.advance_to
-
-    def timed(*arguments: Any) -> bool:
-        nonlocal seconds
-        began = time.process_time()
-        inverted = step(*arguments)
-        seconds += time.process_time() - began
-        return inverted
-
-    with tempfile.TemporaryDirectory() as folder:
-        short = settings.with_keys(end=settings.gestational_age + _SHORT)
-        folding.fold(mesh, Path(folder) / "short", short, say=lambda _: None)
-        folding.advance_to = timed
-        began = time.process_time()
-        verdict = folding.fold(mesh, Path(folder) / "run", settings, say=lambda _: None)
-        cpu = time.process_time() - began
-        last = vtu.read(max(Path(folder).glob("run/frames/frame_*.vtu")))
-    return {
-        "model": settings.model,
-        "threads": threads,
-        "tets": verdict.tets,
-        "steps": verdict.steps,
-        "element_steps_per_cpu_s": verdict.tets * verdict.steps / seconds,
-        "cpu_s": cpu,
-        "share_of_rows": 1 - seconds / cpu,
-        "sha256": hashlib.sha256(last.points.tobytes()).hexdigest()[:16],
-    }
-
-
-def rate(
-    mesh: Path, *, ga: float, hemi: str | None = None, end: float = 34.0, slower: Sequence[float] = (1.0, 2.0, 4.0)
-) -> None:
-    """Fold at the rate of the model, and at slower ones."""
-    settings = Settings(gestational_age=ga, hemisphere=hemi, end=end)
-    table = Table("slower", "tets", "steps", "cpu_s", "kinetic_over_elastic", *MEASURED)
-    for factor in slower:
-        table.add({"slower": factor}, alone(slowly, mesh, factor, settings))
-
-
-def slowly(file: Path, slower: float, settings: Settings) -> Row:
-    """Fold in this process, more slowly by a factor; the row."""
-    numba.set_num_threads(1)
-    growth._TIME = tuple(slower * coefficient for coefficient in growth._TIME)  # type: ignore[assignment]
-    with tempfile.TemporaryDirectory() as folder:
-        began = time.process_time()
-        verdict = folding.fold(vtu.read(file), Path(folder), settings, say=lambda _: None)
-        cpu = time.process_time() - began
-        table = read_tsv(Path(folder) / TABLE).replace("n/a", "nan").astype(float)
-    later = table[table["gestational_age"] >= settings.gestational_age + 1]  # the first week begins without energy
-    ratio = (later["kinetic_energy"] / later["elastic_energy"]).max()
-    row = {"tets": verdict.tets, "steps": verdict.steps, "cpu_s": cpu, "kinetic_over_elastic": ratio}
-    return row | table.iloc[-1][list(MEASURED)].to_dict()
-
-
-main = command(__doc__, steps, runs, rate)
+main = command(__doc__, steps)
 
 if __name__ == "__main__":
     main()

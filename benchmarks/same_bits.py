@@ -47,7 +47,10 @@ def same_bits(
 ) -> int:
     """Mesh everything twice and compare.
 
-    ga : gestational age, weeks: of the published smoothing
+    Parameters
+    ----------
+    ga
+        Gestational age, weeks: of the published smoothing.
     """
     jobs = [(surface, None, setting) for surface in surfaces for setting in settings]
     jobs += [(*pair, "default")] if pair else []

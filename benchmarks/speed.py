@@ -186,7 +186,7 @@ print(json.dumps(seconds))
 """
 
 
-def slower(commit: str = "HEAD", *, runs: int = 3, cell_size: float = 1.2, limit: float = 1.2) -> str | None:
+def slower(commit: str = "HEAD", *, runs: int = 3, cell_size: float = 1.2, limit: float = 1.2) -> None:
     """Measure this checkout and a copy of a commit, and compare."""
     before, now = dict[str, float](), dict[str, float]()
     with tempfile.TemporaryDirectory() as folder:
@@ -204,7 +204,8 @@ def slower(commit: str = "HEAD", *, runs: int = 3, cell_size: float = 1.2, limit
         table.values(name, before.get(name, ""), seconds, seconds / before[name] if before.get(name) else "")
     ratios = {name: now[name] / old for name, old in before.items() if name in now and old >= _LEAST}
     worse = sorted((name for name in ratios if ratios[name] > limit), key=lambda name: -ratios[name])
-    return f"more than {limit:g} times as slow as {commit}: {', '.join(worse)}" if worse else None
+    if worse:
+        sys.exit(f"more than {limit:g} times as slow as {commit}: {', '.join(worse)}")
 
 
 def seconds_of(checkout: Path, cell_size: float) -> dict[str, float]:

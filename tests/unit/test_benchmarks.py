@@ -22,12 +22,10 @@ TINY = {
     "speed": ["x_pial.surf.gii", "--cell-sizes", "4", "--chains", "default"],
     "fidelity": ["x_pial.surf.gii", "--cell-sizes", "4"],
     "fold_brain": ["--real", "x_white.surf.gii:24:L", "--pair", "x_pial.surf.gii:x_white.surf.gii:26:both"],
+    "fold_speed": ["--cells", "1000", "--threads", "1", "--steps", "2"],
     "read_back formats": ["--tets", "500", "--formats", "carp"],
     "fidelity regions": ["x_pial.surf.gii", "--cell-sizes", "4"],
     "repair": ["x_pial.surf.gii", "--cell-size", "4"],
-    "fidelity smoothing": ["x_pial.surf.gii", "--voxels", "1"],
-    "wrong_meshes": ["--sizes", "4"],
-    "home": ["x_pial.surf.gii", "--cell-size", "4"],
 }
 
 
@@ -43,14 +41,11 @@ def test_readme_names_the_column_of_each_number_that_it_compares() -> None:
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
-def test_it_says_what_it_measures(
-    script: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(sys, "argv", [script.name, "--help"])
+def test_it_says_what_it_measures(script: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
-        import_module(script.stem).main()
+        import_module(script.stem).main(["--help"])
     assert not ended.value.code
-    assert capsys.readouterr().out.startswith(f"usage: {script.name}")
+    assert f"python benchmarks/{script.name}" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize("name", TINY)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import sys
-from argparse import ArgumentTypeError
 from pathlib import Path
 
 import numpy as np
@@ -134,7 +132,7 @@ def test_the_table_says_what_is_known_and_the_verdict_the_worst() -> None:
 
 @pytest.mark.parametrize("text", ["x.gii", "x.gii:28:L:R:L", "x.gii:28:left", "x.gii:young:L"])
 def test_what_is_no_surface_with_age_and_hemisphere_is_refused(text: str) -> None:
-    with pytest.raises(ArgumentTypeError):
+    with pytest.raises(SystemExit):
         _given(1)(text)
 
 
@@ -145,13 +143,12 @@ def test_a_file_that_names_its_hemisphere_needs_no_other_name(tmp_path: Path) ->
     assert _given(2)(f"p.gii:{path}:28:both") == Given(path, 28.0, None, Path("p.gii"))
 
 
-def test_it_prints_what_it_is_asked_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_it_prints_what_it_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_surface(ball_surface(3, radius=20.0), tmp_path / "x.surf.gii")
     runs = [str(run(tmp_path / name, 5000.0)) for name in "ab"]
-    monkeypatch.setattr(sys, "argv", ["fold_brain.py", *runs, "--real", f"{tmp_path / 'x.surf.gii'}:26:L"])
-    main()
+    with pytest.raises(SystemExit) as ended:
+        main([*runs, "--real", f"{tmp_path / 'x.surf.gii'}:26:L"])
+    assert not ended.value.code
     shown = capsys.readouterr().out
     assert "| x       | 26 " in shown and "2 runs; real: interpolated between the surfaces above" in shown
     assert shown.count("of 17 hemispheres") == 3

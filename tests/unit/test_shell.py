@@ -207,7 +207,7 @@ def test_the_command_makes_shell_hole_and_records_and_checks_again(
     assert main(["certify", "head.vtu"]) == 0
     checked = "certify head.vtu pial.surf.gii --inner white.surf.gii --inner ventricle=ventricle.surf.gii"
     assert main(checked.split()) == 0
-    assert main("fold head.vtu --ga 24 -o fold".split()) == 1
+    assert main(["fold", "head.vtu", "--ga", "24", "-o", "fold"]) == 1
     assert "region csf around the brain (mesh the brain without a shell)" in capsys.readouterr().err
     assert main([*given.split(), "--hole", "tumour", "-o", "hollow.vtu"]) == 1
     assert "the hole tumour is not a region inside an inner surface" in capsys.readouterr().err

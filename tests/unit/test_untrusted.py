@@ -15,8 +15,8 @@ from typing import Any
 import nibabel
 import numpy as np
 import pytest
+from damages import outcome, place_damaged, seeds
 from exported import full_mesh
-from fuzz import outcome, place_damaged, seeds
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from shapes import ball_surface

@@ -1,24 +1,15 @@
-"""Wrong meshes with a known fault, and which check of which command finds it.
-
-    python benchmarks/wrong_meshes.py [--sizes 4 6 8]
-
-Each fault is put into a sound cube of several sizes; `certify`, `convert`, `quadratic` and `fold` then look
-at it. A row says what each of them found first. A fault that a command cannot know, since it sees no surface, is
-`not seen`, and `WRONG` marks a fault that a command let through though it could know it: the exit code is 1 then.
-"""
+"""Meshes with a known fault each, and what the commands of cortet find in them."""
 
 from __future__ import annotations
 
 import contextlib
 import io
 import json
-import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from _frame import Table, command
 from cubes import cube_mesh
 
 from cortet.cli import main as cortet
@@ -330,39 +321,8 @@ def findings(wrong: Wrong, command: str, folder: Path) -> list[str]:
         return [str(error)]
 
 
-def in_words(wrong: Wrong, command: str) -> str:
-    """What a command found first, or that it let the mesh through; `WRONG` where that is not right."""
-    with tempfile.TemporaryDirectory() as folder:
-        found = [one.replace(f"{folder}/", "") for one in findings(wrong, command, Path(folder))]
-    if wrong.fault == "none":
-        return f"WRONG: {found[0]}" if found else "passes"
-    if found:
-        return found[0].removeprefix("cortet: ")[:90]
-    return "not seen" if command in wrong.unseen_by else "WRONG: passes"
-
-
 def _said(*arguments: object) -> list[str]:
     """What `cortet` prints as it refuses; nothing where it does its work."""
     with contextlib.redirect_stderr(io.StringIO()) as said, contextlib.redirect_stdout(io.StringIO()):
         code = cortet([str(argument) for argument in arguments])
     return said.getvalue().splitlines() if code else []
-
-
-def wrong(*, sizes: Sequence[int] = (4, 6, 8)) -> int:
-    """Print the table; 1 where a fault passed.
-
-    sizes : cells along the side of the cube
-    """
-    table, passed = Table("size", "fault", *COMMANDS), 0
-    for n in sizes:
-        for mesh in (sound(n), *wrong_meshes(n)):
-            row = [in_words(mesh, name) for name in COMMANDS]
-            passed += sum(words.startswith("WRONG") for words in row)
-            table.values(n, mesh.fault, *row)
-    return int(passed > 0)
-
-
-main = command(__doc__, wrong)
-
-if __name__ == "__main__":
-    main()

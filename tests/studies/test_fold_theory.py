@@ -5,13 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from cubes import cube_mesh
-from fold_solver import theory
+from fold_strips import theory
 from fold_theory import (
-    AMPLIFIED,
     Onset,
     critical_growth,
-    first_wave,
-    heights,
     is_stable,
     moduli,
     normal_stretch,
@@ -118,21 +115,3 @@ def test_a_layer_softer_than_its_base_creases_before_it_folds() -> None:
 
 def test_nothing_folds_that_has_not_grown() -> None:
     assert is_stable(0.0, 1.0, 1.0, Material(), smooth_profile)
-
-
-def test_on_an_elastic_base_a_wave_has_no_limit_at_the_growth_at_which_it_appears() -> None:
-    material, wave = Material(mu_core=0.15), 2 * np.pi / 6.5
-    growths, height = heights(wave, material, np.inf)
-    assert height[0] == pytest.approx(1)
-    assert np.all(np.diff(height) > 0)
-    critical = critical_growth(wave, 1.0, material, sharp_profile)
-    assert growths[-1] == pytest.approx(critical, rel=0.1)
-    assert growths[-1] < critical
-
-
-def test_a_base_that_yields_fast_has_the_waves_of_a_film_on_a_fluid() -> None:
-    """2 pi / sqrt 3 (sqrt 3 / (ln 20 yielding))^(1/5) thicknesses at a ratio of 1, for a base that keeps its volume."""
-    growth, wave = first_wave(Material(mu_core=1.0), 0.02)
-    assert wave == pytest.approx(2 * np.pi / 3**0.5 * (3**0.5 / (np.log(AMPLIFIED) * 0.02)) ** 0.2, rel=0.1)
-    later, shorter = first_wave(Material(mu_core=1.0), 0.08)
-    assert later > growth and shorter < wave

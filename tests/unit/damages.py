@@ -1,36 +1,18 @@
-"""Damaged input: damage valid files at random and look what each reader makes of them.
-
-    python benchmarks/fuzz.py --minutes 10 --seed 1
-
-Every input is read in a process of its own, whose memory and processor time are limited. The only outcomes that are
-not faults are a valid result and an error of `cortet.errors`. Prints the inputs tried and the faults by kind; files
-that caused one are kept under `--keep`. The unit tests run the same damages, a few of each.
-"""
+"""Valid files of every kind, damaged at random, and what each reader makes of them."""
 
 from __future__ import annotations
 
 import base64
 import itertools
-import os
 import random
 import re
-import resource
 import shutil
-import signal
-import tempfile
-import time
 import traceback
 import zlib
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-
-if __name__ == "__main__":  # before NumPy and Numba are imported: a process that forks must have one thread
-    for variable in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
-        os.environ[variable] = "1"
-    os.environ["NUMBA_THREADING_LAYER"] = "workqueue"  # OpenMP ends a process that has forked
 
 import meshio
 import nibabel
@@ -38,7 +20,6 @@ import nibabel.freesurfer.io as freesurfer
 import numpy as np
 import trimesh
 import yaml
-from _frame import command
 
 from cortet.cohort.scan import scan
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
@@ -61,10 +42,6 @@ from cortet.stages.generate import Generate, generate
 from cortet.stages.repair import Repair, repair
 from cortet.stages.solver_ready import surface_nodes_first
 from cortet.stages.transfer import transfer
-
-#: beyond what the process has before it reads
-MEMORY = 1 << 30
-SECONDS = 20
 
 Damage = Callable[[bytes, random.Random], bytes]
 
@@ -430,41 +407,6 @@ def outcome(read: Callable[[Path], Any], path: Path) -> str:
     return "valid"
 
 
-def limited(read: Callable[[Path], Any], path: Path, memory: int = MEMORY, seconds: int = SECONDS) -> str:
-    """The outcome in a process of its own, which may be: killed by a signal, too large, or too slow."""
-    out, into = os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.close(out)
-        silent = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(silent, 1)
-        os.dup2(silent, 2)
-        size = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (size + memory, size + memory))
-        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 1))
-        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        signal.alarm(3 * seconds)
-        os.write(into, outcome(read, path).encode())
-        os._exit(0)
-    os.close(into)
-    said = b""
-    while part := os.read(out, 4096):
-        said += part
-    os.close(out)
-    _, status = os.waitpid(child, 0)
-    if os.WIFSIGNALED(status):
-        number = os.WTERMSIG(status)
-        slow = number in (signal.SIGXCPU, signal.SIGALRM, signal.SIGKILL)
-        return f"took more than {seconds} s" if slow else f"killed by {signal.Signals(number).name}"
-    return said.decode() or f"left with exit code {os.waitstatus_to_exitcode(status)}"
-
-
-def inputs(chosen: list[str], seed: int) -> Iterator[tuple[str, int]]:
-    """Kind and number of one input after the other, in turn; those that start a process of their own more seldom."""
-    for number in itertools.count(seed * 10_000_000):
-        yield from ((name, number) for name in chosen if name != "gmsh" or number % 10 == 0)
-
-
 def place_damaged(name: str, valid: Path, rng: random.Random, folder: Path) -> Path:
     """A copy of a valid file and of those beside it, one of which is damaged; its path."""
     shutil.copytree(valid.parent, folder)
@@ -473,66 +415,3 @@ def place_damaged(name: str, valid: Path, rng: random.Random, folder: Path) -> P
     damage = damaged_config if name == "config" else damaged
     target.write_bytes(damage(target.read_bytes(), rng))
     return folder / valid.name
-
-
-def report(tried: Counter[tuple[str, str]], chosen: list[str], seconds: float) -> None:
-    """Inputs by kind and outcome, then the faults."""
-    print(f"{'kind':<14}{'inputs':>10}{'refused':>10}{'valid':>10}{'faults':>10}")
-    for name in [*chosen, "all"]:
-        counts: Counter[str] = Counter()
-        for (kind, result), count in tried.items():
-            if name in (kind, "all"):
-                counts[result] += count
-        faults = counts.total() - counts["refused"] - counts["valid"]
-        print(f"{name:<14}{counts.total():>10}{counts['refused']:>10}{counts['valid']:>10}{faults:>10}")
-    spent = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    processor = sum(usage.ru_utime + usage.ru_stime for usage in spent)
-    print(f"{seconds / 60:.1f} minutes, {processor / 60:.1f} of them of a processor")
-    for (kind, result), count in sorted(tried.items(), key=lambda item: -item[1]):
-        if result not in ("valid", "refused"):
-            print(f"{count:>8}  {kind}: {result}")
-
-
-def fuzz(
-    *,
-    minutes: float = 1.0,
-    seed: int = 0,
-    kinds: Sequence[str] = (),
-    keep: Path | None = None,
-    memory: int = MEMORY >> 20,
-    seconds: int = SECONDS,
-) -> None:
-    """Run for some minutes and print what was found.
-
-    kinds : of files; all, if none are named
-    keep : folder for the files that caused a fault
-    memory : MiB that reading one input may take
-    seconds : of processor time for one input
-    """
-    with tempfile.TemporaryDirectory() as temporary:
-        folder = Path(temporary)
-        found = seeds(folder / "valid")
-        chosen = kinds or list(found)
-        for name in chosen:
-            path, read = found[name]
-            assert outcome(read, path) == "valid", (name, outcome(read, path))
-        tried: Counter[tuple[str, str]] = Counter()
-        began = time.time()
-        for name, number in inputs(chosen, seed):
-            if time.time() - began > 60 * minutes:
-                break
-            valid, read = found[name]
-            path = place_damaged(name, valid, random.Random(f"{name} {number}"), folder / "damaged")
-            result = limited(read, path, memory << 20, seconds)
-            if keep and result not in ("valid", "refused") and not tried[name, result]:
-                shutil.copytree(path.parent, keep / f"{name}-{number}")
-                print(f"{name} {number}: {result}", flush=True)
-            tried[name, result] += 1
-            shutil.rmtree(folder / "damaged")
-        report(tried, chosen, time.time() - began)
-
-
-main = command(__doc__, fuzz)
-
-if __name__ == "__main__":
-    main()

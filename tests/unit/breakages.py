@@ -1,4 +1,4 @@
-"""Good surfaces, broken in a known way: what `benchmarks/repair.py` and tests repair."""
+"""Good surfaces, broken in a known way: what tests repair."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import fold_theory
 import numpy as np
 import pytest
-from fold_solver import Wrinkles, critical_growth, material_of, mean_wavelength, strip, theory, wrinkle
+from fold_strips import Wrinkles, critical_growth, material_of, mean_wavelength, strip, theory, wrinkle
 
 LENGTH, DEPTH, SPACING = 40.0, 20.0, 1.0
 
