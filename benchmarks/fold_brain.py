@@ -29,9 +29,8 @@ import pandas as pd
 from _frame import command
 from scipy.optimize import curve_fit
 
-from cortet.folding import real_brains
 from cortet.folding.body import scale_of
-from cortet.folding.fold_figures import curves
+from cortet.folding.fold_figures import as_real_brains, curves, healthy_hemispheres, real_brains
 from cortet.folding.growth import AREA, HULL, VOLUME, usual
 from cortet.folding.journal import TABLE
 from cortet.folding.measurements import shape
@@ -50,7 +49,7 @@ AGE = "gestational_age"
 
 
 class Quantity(NamedTuple):
-    """A line of the table: a column of `real_brains.as_real_brains`."""
+    """A line of the table: a column of `as_real_brains`."""
 
     label: str
     digits: int
@@ -103,7 +102,7 @@ def of_surface(surface: TriSurface, hemisphere: str | None, cortex_volume: float
         scale = scale_of(surface, hemisphere)
         wall = medial_wall(surface, hemisphere, scale.origin, scale.length).nodes
     found = shape(surface.points, surface.faces, wall, cortex_volume)
-    return real_brains.as_real_brains(pd.DataFrame([found])).astype(float).iloc[0]
+    return as_real_brains(pd.DataFrame([found])).astype(float).iloc[0]
 
 
 def of_pair(pial: TriSurface, white: TriSurface, hemisphere: str | None) -> pd.Series:
@@ -134,7 +133,7 @@ def table_of(folder: Path) -> pd.DataFrame:
     ------
     FileNotFoundError : a surface of the table is not there
     """
-    known = real_brains.real_brains().astype(object)
+    known = real_brains().astype(object)
     for row, name in known["surface"].items():
         file = next(folder.rglob(f"{name}.surf.gii"), None)
         if file is None:
@@ -265,7 +264,7 @@ def verdict(mean: pd.DataFrame, real: pd.DataFrame) -> list[str]:
 
 def laws() -> list[str]:
     """The laws that are used, fitted again to the healthy hemispheres, and how far these are from them."""
-    brains = real_brains.healthy_hemispheres()
+    brains = healthy_hemispheres()
     lines = []
     for column, quantity in QUANTITIES.items():
         if quantity.law:
@@ -330,7 +329,7 @@ def weeks(
     if len(known):
         print(surfaces_table(known), end="\n\n")
     if runs:
-        brains = real_brains.healthy_hemispheres().rename(columns={"gestational_age_weeks": AGE})
+        brains = healthy_hemispheres().rename(columns={"gestational_age_weeks": AGE})
         by_age = known if len(known) else brains.reindex(columns=[AGE, *QUANTITIES])
         wanted = at(weeks, by_age)
         mean, spread = simulated(runs, weeks)

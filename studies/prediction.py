@@ -28,7 +28,6 @@ from cortet.folding.fold import SAME_AGE, Say, Verdict, fold
 from cortet.folding.growth import AREA, VOLUME, usual
 from cortet.folding.section import Settings
 from cortet.folding.surface_growth import (
-    fitted,
     logarithmic_growth,
     smoothed,
 )
@@ -132,7 +131,9 @@ def forecast_growth(
 ) -> dict[float, FloatArray]:
     """Growth measured until an early age, extrapolated to later ages by the usual course: age -> (n, 6)."""
     known = [age for age in sorted(maps) if age <= until]
-    pattern = fitted(known, [maps[age] for age in known], series.ages[0], rate=0.0).at(until)
+    weeks = np.array(known) - series.ages[0]
+    rate = np.tensordot(weeks, np.stack([maps[age] for age in known]), 1) / (weeks @ weeks)  # per week, least squares
+    pattern = rate * (until - series.ages[0])
     start, then, *later = np.log(usual(AREA, np.array([series.ages[0], until, *ages])))
     course = [(value - start) / (then - start) for value in later]
     return {age: np.clip(pattern * part, -_LARGEST, _LARGEST) for age, part in zip(ages, course, strict=True)}

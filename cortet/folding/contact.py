@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
-from cortet.folding.convex import beyond
 from cortet.geometry.closest_point import on_triangle, triangle_normal
 from cortet.geometry.topology import edges, face_normals, vertex_normals
 from cortet.meshes import FloatArray, IntArray
@@ -59,7 +59,7 @@ class Contact(NamedTuple):
     #: distance of the plane from x = 0, away from the body, and force per depth behind it
     gap: float
     stiffness: float
-    #: (p, 4), planes of the envelope at the start (`convex.planes_of`), and force per depth beyond it
+    #: (p, 4), planes of the envelope at the start (`planes_of`), and force per depth beyond it
     planes: FloatArray
     softness: float
     #: (s,), the plane nearest to each surface node, or -1 without an envelope, and the size of the envelope when these
@@ -316,3 +316,35 @@ def envelope_force(contact, x, i, envelope):  # type: ignore[no-untyped-def]
     beyond = a * x[node, 0] + b * x[node, 1] + c * x[node, 2] + envelope * contact.planes[plane, 3]
     push = -contact.softness * max(beyond, 0.0)
     return push * a, push * b, push * c
+
+
+# --- the envelope ----------------------------------------------------------------------------------------------------
+
+
+def planes_of(hull: ConvexHull) -> FloatArray:
+    """The distinct planes of a convex hull: (p, 4), outward unit normal n and offset o; n x + o < 0 is inside."""
+    return np.unique(hull.equations, axis=0)  # the hull has one plane per triangle, and a flat side has many triangles
+
+
+@numba.njit(cache=True, error_model="numpy")
+def beyond(planes: FloatArray, points: FloatArray, size: float = 1.0) -> tuple[FloatArray, NDArray[np.int32]]:
+    """How far points lie beyond the planes of a hull: the largest distance of each point, and its plane.
+
+    Parameters
+    ----------
+    planes : (p, 4), `planes_of`
+    points : (n, 3)
+    size : factor by which the hull is scaled about the origin
+
+    Returns
+    -------
+    distance (n,), negative inside; plane (n,)
+    """
+    distance, plane = np.full(len(points), -np.inf), np.full(len(points), -1, np.int32)
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for k in range(len(planes)):
+            d = planes[k, 0] * x + planes[k, 1] * y + planes[k, 2] * z + size * planes[k, 3]
+            if d > distance[i]:
+                distance[i], plane[i] = d, k
+    return distance, plane

@@ -40,12 +40,7 @@ def check_age(name: str, own_name: str, file: str | Path) -> None:
 
 
 def node_field(mesh: TetMesh | TriSurface, name: str) -> FloatArray | None:
-    """The point data of this name, (n,) float64; None if the mesh or surface has none.
-
-    Raises
-    ------
-    InputError : it has more than one number per node, or one that is not finite
-    """
+    """The point data of this name, (n,) float64; None if the mesh or surface has none."""
     if name not in mesh.point_data:
         return None
     values = mesh.point_data[name]

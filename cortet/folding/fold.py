@@ -12,7 +12,6 @@ from typing import Any, Literal
 import numpy as np
 
 from cortet.errors import place_mm
-from cortet.folding.altitude import smallest_altitude
 from cortet.folding.body import with_interface
 from cortet.folding.contact import listed_at
 from cortet.folding.fields import THICKNESS_FIELD
@@ -26,7 +25,6 @@ from cortet.folding.journal import (
     SIDECAR,
     TABLE,
     VERDICT,
-    Checkpoint,
     Progress,
     fingerprint,
     load_checkpoint,
@@ -40,9 +38,18 @@ from cortet.folding.measures import weeks_in
 from cortet.folding.mechanics import Mechanics, mechanics
 from cortet.folding.patches import renew
 from cortet.folding.plausible import check_cells, check_mesh
-from cortet.folding.run import advance_to, beginning, described, measured, millimetres, prepared, thickness_mm
+from cortet.folding.run import (
+    Moment,
+    Run,
+    advance_to,
+    beginning,
+    described,
+    measured,
+    millimetres,
+    prepared,
+    thickness_mm,
+)
 from cortet.folding.section import Settings
-from cortet.folding.state import Moment, Run
 from cortet.formats.atomic import write_json
 from cortet.formats.ownership import delete, delete_abandoned, is_ours
 from cortet.formats.tables import write_table
@@ -80,29 +87,13 @@ class Verdict:
     #: number of steps taken
     steps: int
     gestational_age: float
-    #: mean, dimensionless
-    time_step: float
-    smallest_altitude_mm: float
-    #: unit of length of the simulation
-    length_mm: float
     #: thickness of the growing cortex at the start; its mean if it varies
     thickness_mm: float
-    #: source of the medial wall of half a brain
-    medial_wall: str | None
-    medial_wall_mm2: float
-    medial_wall_share: float
     #: smallest J of all steps
     min_j: float
-    #: number of times that a tetrahedron was nearly flat
-    degenerate: int
     #: largest q of all rows of the table
     q_max: float
-    #: in the last row
-    energy_error: float | None
-    gyrification_index_first: float
     gyrification_index_last: float
-    fold_spacing_mm_last: float | None
-    sulcal_depth_mm_last: float
     #: the tetrahedron that inverted, and its centre
     element: int | None = None
     place_mm: tuple[float, float, float] | None = None
@@ -128,10 +119,6 @@ def fold(
     mesh : mm, RAS coordinates; point data `growth` (0 to 1), `thickness` (mm) and `label` are used if present; if it
         has regions, the outer one is the cortex
     frames_at : further ages, weeks, that get a row and a frame, such as those of surfaces to compare with
-
-    Raises
-    ------
-    InputError : see `run.prepared` and `plausible.check_mesh`
     """
     mesh = with_interface(mesh)
     doubts = check_mesh(mesh, settings)
@@ -230,43 +217,36 @@ class Journal:
                     *(self.folder, len(frames), len(maps)),
                 )
             return moment
-        logger.info("resumed at step %d, time %.3f", last.step, last.time)
-        self.rows, self.frames, self.seconds = last.rows, last.frames, last.seconds
-        at_listing = last.x.copy()
-        at_listing[moment.contact.nodes] = last.listed
-        moment.work.counts[:] = last.degenerate, last.contacts
-        moment.work.energy[:] = last.energies[:2]
-        moment.step, moment.time, moment.state = last.step, last.time, Motion(last.x, last.v)
-        moment.dt, moment.mode, moment.growth_work = last.dt, last.mode, last.energies[2]
-        if len(last.gradients):
-            moment.base.gradients[:] = last.gradients
+        logger.info("resumed at step %d, time %.3f", last["step"], last["time"])
+        self.rows, self.seconds = last["rows"], last["seconds"]
+        self.frames = [(name, age) for name, age in last["frames"]]
+        at_listing = last["x"].copy()
+        at_listing[moment.contact.nodes] = last["listed"]
+        moment.work.counts[:], moment.work.energy[:] = last["counts"], last["energy"]
+        moment.state = Motion(last["x"], last["v"])
+        moment.mode = last.get("mode")
+        for name in ("step", "time", "dt", "growth_work"):
+            setattr(moment, name, last[name])
+        if "gradients" in last:
+            moment.base.gradients[:] = last["gradients"]
             renew(moment.work.patches, moment.base)
-        moment.contact = listed_at(moment.contact, at_listing, last.envelope)
+        moment.contact = listed_at(moment.contact, at_listing, last["envelope"])
         return moment
 
     def save(self, run: Run, moment: Moment) -> None:
         """Write a checkpoint, unless the last one is recent."""
         if time.monotonic() - self.saved < _CHECKPOINT_SECONDS:
             return
-        now = Checkpoint(
-            fingerprint=self.fingerprint,
-            step=moment.step,
-            time=moment.time,
-            dt=moment.dt,
-            x=moment.state.x,
-            v=moment.state.v,
-            mode=np.zeros_like(moment.state.x) if moment.mode is None else moment.mode,
-            gradients=moment.base.gradients if moment.base is not run.body else np.zeros((0, 3, 3)),
-            listed=moment.contact.listed,
-            envelope=moment.contact.envelope,
-            degenerate=int(moment.work.counts[0]),
-            contacts=int(moment.work.counts[1]),
-            energies=(float(moment.work.energy[0]), float(moment.work.energy[1]), moment.growth_work),
-            seconds=self.seconds,
-            rows=self.rows,
-            frames=self.frames,
-        )
-        save_checkpoint(now, self.checkpoint)
+        arrays: dict[str, Any] = {**moment.state._asdict(), "listed": moment.contact.listed}
+        arrays |= {"counts": moment.work.counts, "energy": moment.work.energy}
+        if moment.mode is not None:
+            arrays["mode"] = moment.mode
+        if moment.base is not run.body:  # of elements that have yielded
+            arrays["gradients"] = moment.base.gradients
+        rest = {name: getattr(moment, name) for name in ("step", "time", "dt", "growth_work")}
+        rest |= {"envelope": moment.contact.envelope, "fingerprint": self.fingerprint}
+        rest |= {name: getattr(self, name) for name in ("seconds", "rows", "frames")}
+        save_checkpoint(self.checkpoint, rest, arrays)
         self.saved = time.monotonic()
 
     def add_row(self, measurements: Measurements, part: float, *, last: bool) -> None:
@@ -322,21 +302,10 @@ def _verdict(run: Run, moment: Moment, rows: list[dict[str, Any]], warnings: tup
         tets=len(run.cell),
         steps=moment.step,
         gestational_age=age,
-        time_step=(moment.time - run.start) / max(moment.step, 1),
-        smallest_altitude_mm=smallest_altitude(run.mesh.points, run.mesh.cells),
-        length_mm=run.scale.length,
         thickness_mm=thickness_mm(run),
-        medial_wall=run.wall.found if run.wall else None,
-        medial_wall_mm2=run.wall.area_mm2 if run.wall else 0.0,
-        medial_wall_share=run.wall.share if run.wall else 0.0,
         min_j=min(row["min_j"] for row in rows),
-        degenerate=rows[-1]["degenerate"],
         q_max=max(row["q_max"] for row in rows),
-        energy_error=rows[-1]["energy_error"],
-        gyrification_index_first=rows[0]["gyrification_index"],
-        gyrification_index_last=rows[-1]["gyrification_index"],
-        fold_spacing_mm_last=rows[-1]["fold_spacing_mm"],
-        sulcal_depth_mm_last=rows[-1]["sulcal_depth_mm"],
+        gyrification_index_last=index,
         element=element,
         place_mm=place,
     )

@@ -16,7 +16,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 from scipy.spatial import cKDTree
 
-from cortet.folding import real_brains
 from cortet.folding.fold_views import (
     COLOURS,
     FOLDS,
@@ -42,6 +41,7 @@ from cortet.formats.ownership import delete_abandoned
 from cortet.formats.tsv import read_tsv
 from cortet.report.colours import BLUE, VERMILION
 from cortet.report.figures import PAGE, STYLE, drawn, letter, save
+from cortet.report.published import numbers_of
 from cortet.report.surface_maps import usual_range
 
 VERSION: int = 6
@@ -67,11 +67,15 @@ _PANELS = {
 _ROWS, _SMALL = 2, ("min_j", "q_max")
 #: candidate weeks between ticks of the age axis, of which the first with few enough ticks is used; and most ticks
 _STEPS, _MOST_TICKS = (1, 2, 4, 5, 10), 6
+#: size, shape and folds of real brains; `data/real_brains.json` explains them
+_REAL_BRAINS = Path(__file__).with_name("data") / "real_brains.tsv"
+#: source of those whose anatomy is abnormal
+ABNORMAL = "spina bifida atlas"
 #: source of real brains -> its name in the legend, marker, colour; open markers for abnormal anatomy
 _SOURCES = {
     "CRL atlas": ("CRL atlas, fetal", "o", "black"),
     "FetoMorph (individual)": ("FetoMorph, individual fetuses", "^", "black"),
-    real_brains.ABNORMAL: ("spina bifida atlas, fetal", "o", "black"),
+    ABNORMAL: ("spina bifida atlas, fetal", "o", "black"),
     "dHCP neonatal atlas": ("dHCP atlas, newborns", "s", "#8C8C8C"),
 }
 
@@ -93,10 +97,6 @@ def draw(
     real : gestational age, weeks -> surface of a real brain, of the same hemisphere, that is drawn beside the frame of
         that age
     maps, measure : as in `mapped`, instead of folds and real brains in the picture
-
-    Raises
-    ------
-    InputError : the frames or a surface cannot be read
     """
     delete_abandoned(folder, NUMBERS, PICTURE, FILM)
     save(numbers(folder / TABLE, hemisphere), folder / NUMBERS)
@@ -163,14 +163,34 @@ def _fit(axis: Axes) -> None:
 
 
 def curves(table: Path) -> pd.DataFrame:
-    """The table of a run as numbers, with the names of `real_brains.real_brains`, and `relative_area`."""
-    rows = real_brains.as_real_brains(read_tsv(table).apply(pd.to_numeric, errors="coerce"))
+    """The table of a run as numbers, with the names of `real_brains`, and `relative_area`."""
+    rows = as_real_brains(read_tsv(table).apply(pd.to_numeric, errors="coerce"))
     return rows.assign(relative_area=rows["area_mm2"] / rows["volume_mm3"] ** (2 / 3))
+
+
+def real_brains() -> pd.DataFrame:
+    """Size, shape and folds of real surfaces, 22 to 42 weeks, one row each."""
+    return numbers_of(_REAL_BRAINS)
+
+
+def healthy_hemispheres() -> pd.DataFrame:
+    """The rows of `real_brains` that are the inner surface of one healthy hemisphere."""
+    brains = real_brains()
+    return brains[(brains["surface_type"] == "white") & (brains["hemi"] != "both") & (brains["source"] != ABNORMAL)]
+
+
+def as_real_brains(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rows of a fold's table, or of `measurements.shape`, with areas and volumes under the names of `real_brains`."""
+    return rows.assign(
+        area_cm2=rows["area_mm2"] / 100,
+        volume_ml=rows["volume_mm3"] / 1000,
+        hull_volume_ml=rows["hull_volume_mm3"] / 1000,
+    )
 
 
 def real_points(axis: Axes, column: str, hemisphere: str | None) -> None:
     """Draw inner surfaces of real brains, source by source: newborns in grey, since their index jumps at birth."""
-    brains = real_brains.real_brains()
+    brains = real_brains()
     brains["relative_area"] = brains["area_cm2"] / brains["volume_ml"] ** (2 / 3)
     brains = brains[(brains["surface_type"] == "white") & ((brains["hemi"] == "both") == (hemisphere is None))]
     for source, (label, marker, colour) in _SOURCES.items():
@@ -181,7 +201,7 @@ def real_points(axis: Axes, column: str, hemisphere: str | None) -> None:
                 points[column],
                 s=9,
                 marker=marker,
-                facecolors="none" if source == real_brains.ABNORMAL else colour,
+                facecolors="none" if source == ABNORMAL else colour,
                 edgecolors=colour,
                 linewidths=0.6,
                 label=label,

@@ -126,12 +126,7 @@ def simulated_brain(frame: Path) -> Brain:
 
 
 def real_brain(path: Path, hemisphere: str | None) -> Brain:
-    """The brain of a surface in mm and RAS coordinates; a hemisphere has a medial wall.
-
-    Raises
-    ------
-    InputError : it cannot be read
-    """
+    """The brain of a surface in mm and RAS coordinates; a hemisphere has a medial wall."""
     surface, wall = read_surface(path), None
     if hemisphere is not None:
         scale = scale_of(surface, hemisphere)
@@ -166,10 +161,6 @@ def view(
     focus : mm (3,), point in the middle of the picture
     size : pixels, width and height
     span, colours : values that the colours span, and their name
-
-    Raises
-    ------
-    StageError : the graphics library cannot draw here
     """
     shell = pyvista.PolyData.from_regular_faces(brain.surface.points, brain.surface.faces)
     shell.point_data["curvature"] = brain.curvature  # NaN gets the colour of the medial wall

@@ -37,10 +37,6 @@ def folded_surface(frame: TetMesh, found: SurfaceMap) -> TriSurface:
     ----------
     frame : of `fold`, for a week of `fold.surfaces`: the mesh of `found`, moved
     found : map of the mesh that was folded
-
-    Raises
-    ------
-    InputError : the frame is of another mesh, or a vertex has no position
     """
     start = frame.points - frame.point_data["displacement"]
     if start.shape != found.mesh.points.shape or np.abs(start - found.mesh.points).max() > _SAME:
@@ -73,10 +69,6 @@ def maps_of(frame: TetMesh, start: TetMesh, found: SurfaceMap) -> tuple[TriSurfa
     Parameters
     ----------
     frame, start : as in `folded_surface`; `start` is the first one of the fold
-
-    Raises
-    ------
-    InputError : as `folded_surface`, or the frame holds no stress
     """
     surface = folded_surface(frame, found)
     if not {"stress", "stretch", THICKNESS_FIELD} <= frame.cell_data.keys():
@@ -137,10 +129,6 @@ def write_surfaces(
     found : map of the mesh that was folded
     files : of `surface_files`
     like : file of the native surface, whose metadata the folded one has
-
-    Raises
-    ------
-    InputError : as `maps_of`, or the fold did not come to this week
     """
     frames = series(folder / SERIES)
     frame = next((file for file, age in frames if abs(age - week) < _SAME), None)

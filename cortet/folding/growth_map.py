@@ -47,13 +47,7 @@ def ages_of_maps(mesh: TetMesh) -> dict[float, str]:
 
 
 def map_of(mesh: TetMesh, body: Body, start: float) -> GrowthMap | None:
-    """The map of growth in the point data of a mesh; None if there is none.
-
-    Raises
-    ------
-    InputError : a field does not have six finite numbers per node, stretches more than sevenfold, or is for an age that
-        is not after the start
-    """
+    """The map of growth in the point data of a mesh; None if there is none."""
     named = ages_of_maps(mesh)
     if not named:
         if wrong := next((name for name in mesh.point_data if name.startswith(GROWTH_FIELD)), None):

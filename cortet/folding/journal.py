@@ -7,7 +7,7 @@ import json
 import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
@@ -32,7 +32,6 @@ FILES = (TABLE, SIDECAR, SECONDS, VERDICT, SERIES, CHECKPOINT)
 #: called with every row of the table, the share of the steps done, and the seconds that they took
 Progress = Callable[[Measurements, float, float], None]
 
-_ARRAYS = ("x", "v", "mode", "gradients", "listed")
 _WIDTH = 20
 
 
@@ -74,37 +73,6 @@ def series(path: Path) -> list[tuple[Path, float]]:
 # --- checkpoint
 
 
-class Checkpoint(NamedTuple):
-    """The exact state of a moment of a run; n nodes, s surface nodes."""
-
-    #: of the mesh and the parameters: only the same run may resume from here
-    fingerprint: str
-    step: int
-    #: (n, 3) each
-    x: FloatArray
-    v: FloatArray
-    #: (n, 3), the mode that limits the time step
-    mode: FloatArray
-    #: (m, 3, 3), those of the reference state if tissue yields; else (0, 3, 3)
-    gradients: FloatArray
-    #: (s, 3), positions when the contact list was made
-    listed: FloatArray
-    #: size of the envelope then
-    envelope: float
-    time: float
-    #: length of the last step
-    dt: float
-    degenerate: int
-    contacts: int
-    #: since the start: energy dissipated, work of the contact, work of growth
-    energies: tuple[float, float, float]
-    #: seconds of the steps so far, in this and earlier processes
-    seconds: float
-    #: rows of the tables so far, and the frames written
-    rows: list[dict[str, Any]]
-    frames: list[tuple[str, float]]
-
-
 def fingerprint(mesh: TetMesh, parameters: dict[str, Any]) -> str:
     """SHA-256 of everything a run depends on."""
     plain = json.loads(json.dumps(parameters, default=str))  # keys of one kind, which can be sorted
@@ -122,26 +90,23 @@ def fingerprint(mesh: TetMesh, parameters: dict[str, Any]) -> str:
     return digest.hexdigest()
 
 
-def save_checkpoint(checkpoint: Checkpoint, path: Path) -> None:
-    """Write a checkpoint; the previous one stays until this one is complete."""
-    rest = {name: value for name, value in checkpoint._asdict().items() if name not in _ARRAYS}
+def save_checkpoint(path: Path, rest: dict[str, Any], arrays: dict[str, Any]) -> None:
+    """Write the exact state of a run: its `fingerprint` and other plain values, and arrays.
+
+    The previous one stays until this one is complete.
+    """
     with atomic_path(path) as temporary, temporary.open("wb") as file:
-        np.savez(file, rest=json.dumps(rest), **{name: getattr(checkpoint, name) for name in _ARRAYS})
+        np.savez(file, rest=json.dumps(rest), **arrays)
 
 
-def load_checkpoint(path: Path, fingerprint: str) -> Checkpoint | None:
-    """The checkpoint of the run with this fingerprint; None if there is none, or if it is another run's."""
+def load_checkpoint(path: Path, fingerprint: str) -> dict[str, Any] | None:
+    """All values of the checkpoint of the run with this fingerprint; None if there is none, or one of another run."""
     try:
         with np.load(path) as data:
-            rest = json.loads(str(data["rest"]))
-            if rest["fingerprint"] != fingerprint:
-                return None
-            rest["frames"] = [(name, age) for name, age in rest["frames"]]
-            return Checkpoint(**rest, **{name: data[name] for name in _ARRAYS})
-    except FileNotFoundError:
+            found = {**json.loads(str(data["rest"])), **{name: data[name] for name in data.files if name != "rest"}}
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile):  # missing or damaged
         return None
-    except (OSError, KeyError, ValueError, TypeError, zipfile.BadZipFile):  # of an older version, or damaged
-        return None
+    return found if found["fingerprint"] == fingerprint else None
 
 
 # --- progress
@@ -171,12 +136,7 @@ def per_percent(say: Callable[[str], None]) -> Progress:
 
 
 def reached(folder: Path) -> str:
-    """How far the run in a folder had come when it wrote its last row; it may be running, killed, or done.
-
-    Raises
-    ------
-    InputError : no run has written anything there
-    """
+    """How far the run in a folder had come when it wrote its last row; it may be running, killed, or done."""
     import pandas as pd
 
     if not (folder / TABLE).exists() or not (folder / SECONDS).exists():

@@ -304,8 +304,14 @@ def _move_all(patches, held, material, state, slot_forces, external, node_grown,
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _all_forces(material, x, work, growth, thickening):  # type: ignore[no-untyped-def]
-    """Compute `work.slot_forces` and the nodal volumes for positions x; return the smallest J, NaN if any is."""
+def elastic_forces(material, x, work, growth, thickening):  # type: ignore[no-untyped-def]
+    """Compute forces and nodal volumes in `work` for positions x; return the smallest J, NaN if any is.
+
+    Parameters
+    ----------
+    growth : (labels, 3), growth of each label: ALONG, ACROSS and CORE
+    thickening : gain of the cortex in thickness
+    """
     _elastic_forces(
         tuple(work.patches),
         tuple(work.edges),
@@ -338,18 +344,6 @@ def grown_volume_of(body, growth):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def elastic_forces(material, x, work, growth, thickening):  # type: ignore[no-untyped-def]
-    """Compute forces and nodal volumes in `work` for positions x; return the smallest J, NaN if any is.
-
-    Parameters
-    ----------
-    growth : (labels, 3), growth of each label: ALONG, ACROSS and CORE
-    thickening : gain of the cortex in thickness
-    """
-    return _all_forces(material, x, work, growth, thickening)
-
-
-@numba.njit(cache=True, error_model="numpy")
 def advance(body, material, state, work, contact, course, dt):  # type: ignore[no-untyped-def]
     """Take the steps of a course, unless an element inverts or the contact list is outdated.
 
@@ -366,7 +360,7 @@ def advance(body, material, state, work, contact, course, dt):  # type: ignore[n
     for step in range(steps):
         if moved_too_far(contact, state.x):
             return step, LIST_OUTDATED
-        smallest = _all_forces(material, state.x, work, course.growth[step], course.thickening[step])
+        smallest = elastic_forces(material, state.x, work, course.growth[step], course.thickening[step])
         if smallest < work.min_j[0]:
             work.min_j[0] = smallest
         if not smallest > 0:
@@ -389,13 +383,9 @@ def advance(body, material, state, work, contact, course, dt):  # type: ignore[n
     return steps, DONE
 
 
-def nodal_forces(work: Work) -> FloatArray:
-    """Elastic force on every node, from the last `elastic_forces`: (n, 3)."""
-    return _nodal_forces(work)
-
-
 @numba.njit(cache=True, error_model="numpy")
-def _nodal_forces(work):  # type: ignore[no-untyped-def]
+def nodal_forces(work):  # type: ignore[no-untyped-def]
+    """Elastic force on every node, from the last `elastic_forces`: (n, 3)."""
     result = np.empty((len(work.ratio), 3))
     for i in range(len(result)):
         result[i] = np.array(_gathered(work.patches, work.slot_forces, i))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from cortet.folding.convex import beyond, planes_of
+from cortet.folding.contact import beyond, planes_of
 from cortet.formats.tables import Column
 from cortet.geometry.spheres import vertex_areas
 from cortet.geometry.topology import edges, enclosed_volume, face_areas, face_normals, vertex_normals

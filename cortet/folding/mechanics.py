@@ -23,8 +23,8 @@ from cortet.folding.law import (
     stretches,
     vector,
 )
+from cortet.folding.run import Moment, Run
 from cortet.folding.smoothing import PER_ELEMENT, Edges, edge_deformation
-from cortet.folding.state import Moment, Run
 from cortet.meshes import FloatArray
 
 

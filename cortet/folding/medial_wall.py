@@ -60,10 +60,6 @@ def medial_wall(mesh: TetMesh | TriSurface, hemisphere: str, origin: FloatArray,
     ----------
     hemisphere : "L" or "R"
     origin, length : middle of the medial plane, mm (3,), and unit of length, mm
-
-    Raises
-    ------
-    InputError : the field marks no node of the surface, or all of them
     """
     faces = mesh.faces if isinstance(mesh, TriSurface) else boundary_faces(mesh)
     areas = face_areas(mesh.points, faces)

@@ -228,12 +228,7 @@ def thickness_at_start(settings: Settings, scale: Scale) -> float:
 
 
 def labels_of(mesh: TetMesh, settings: Settings) -> tuple[IntArray | None, IntArray | None]:
-    """The growth law of each node, and the number of the core law of each tetrahedron; None: all the first.
-
-    Raises
-    ------
-    InputError : the settings name a label or a region that the mesh does not have
-    """
+    """The growth law of each node, and the number of the core law of each tetrahedron; None: all the first."""
     laws = regions = None
     if settings.regions:
         values = _named(node_field(mesh, LABEL_FIELD), settings.regions, f"field {LABEL_FIELD}", "fold.regions")
@@ -244,24 +239,14 @@ def labels_of(mesh: TetMesh, settings: Settings) -> tuple[IntArray | None, IntAr
 
 
 def stiffness_of(mesh: TetMesh, settings: Settings) -> FloatArray:
-    """Shear modulus of the core of each tetrahedron over the usual one: (m,).
-
-    Raises
-    ------
-    InputError : the settings name a region that the mesh does not have
-    """
+    """Shear modulus of the core of each tetrahedron over the usual one: (m,)."""
     usual, chosen = constants(settings).core_stiffness, settings.region_stiffness
     moduli = np.array([usual, *chosen.values()])
     return moduli[_places(mesh, list(chosen), "fold.region_stiffness")] / usual
 
 
 def relaxation_of(mesh: TetMesh, settings: Settings) -> Relaxation | None:
-    """How fast the core of each tetrahedron yields; None: all of it is elastic.
-
-    Raises
-    ------
-    InputError : the settings name a region that the mesh does not have
-    """
+    """How fast the core of each tetrahedron yields; None: all of it is elastic."""
     chosen = settings.region_relaxation
     law = _places(mesh, list(chosen), "fold.region_relaxation")
     times = [constants(settings).core_relaxation, *chosen.values()]

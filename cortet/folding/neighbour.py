@@ -68,7 +68,7 @@ class Folding(Neighbour):
 
     def on_page(self, plan: Plan) -> OnPage | None:
         """Curves and table of all folds."""
-        from cortet.folding.results import on_page
+        from cortet.folding.plan import on_page
 
         return on_page(plan)
 

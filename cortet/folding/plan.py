@@ -6,17 +6,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from cortet.cohort.failures import why_missing
 from cortet.cohort.jobs import Job
-from cortet.cohort.layout import file_of, filled
+from cortet.cohort.layout import beside, file_of, filled
 from cortet.cohort.plan import Plan
 from cortet.cohort.selection import chosen
 from cortet.cohort.sheet import Case
+from cortet.config import version_of
 from cortet.errors import InputError
 from cortet.folding.measures import surface_files, weeks_of
 from cortet.meshes import OUTERMOST, region_names
+from cortet.neighbours import OnPage
+from cortet.report.over_all import files_of
 from cortet.sections import Cases
+
+if TYPE_CHECKING:
+    from cortet.report.pages import Panel
 
 #: column of the sheet that says which cases are folded
 FOLD = "fold"
@@ -43,14 +50,7 @@ class Folds:
 
     @cached_property
     def folded(self) -> set[str]:
-        """Names of the cases whose meshes are folded.
-
-        Raises
-        ------
-        InputError
-            no case has a given name, the sheet lacks a given column, a case has no age, or other regions lie around
-            the brain
-        """
+        """Names of the cases whose meshes are folded."""
         asked = folded(list(self.plan.cases.values()), self.plan.config.fold.cases)
         if shelled := [case.name for case in asked if region_names(case.inner)[0] != OUTERMOST]:
             raise InputError(
@@ -123,10 +123,6 @@ def folded(cases: Sequence[Case], which: Cases | None) -> list[Case]:
     """The cases that are folded: the configuration chooses them, or else the column `fold` if there is one.
 
     A fold starts at an age, so cases without an age are skipped unless they are asked for by name or column.
-
-    Raises
-    ------
-    InputError : as `chosen`; or a case that is asked for has no age
     """
     if which is None:
         which = {"column": FOLD} if any(FOLD in case.extra for case in cases) else []
@@ -144,3 +140,29 @@ def folded(cases: Sequence[Case], which: Cases | None) -> list[Case]:
 def _beside(verdict: str, patterns: Mapping[str, str], case: str) -> dict[str, str]:
     """Files of a case beside its verdict, from patterns of their names."""
     return {name: str(Path(verdict).with_name(Path(one).name.format(case=case))) for name, one in patterns.items()}
+
+
+def on_page(plan: Plan) -> OnPage | None:
+    """The curves of all folds and their table, if there are some."""
+    folds = Folds(plan)
+    if not folds.folded:
+        return None
+    files, runs = files_of(plan, "cohort_folding", ".tsv", ".json", ".svg", ".pdf", ".png"), folds.runs()
+    page = plan.layout.cohort_page
+
+    def write() -> None:
+        from cortet.folding.cohort_folding import write_cohort_folding
+
+        whys = {path: why_missing(plan, path, "fold", folds.job(run)) for path, run in runs.items()}
+        there = [{**run, "folder": str(Path(path).parent)} for path, run in runs.items() if not whys[path]]
+        failed = [{**run, "reason": whys[path]} for path, run in runs.items() if whys[path]]
+        write_cohort_folding(there, failed, files)
+
+    def panels() -> list[Panel]:
+        from cortet.folding.cohort_folding import panel
+
+        seen = [{**run, "folder": beside(Path(path).parent, page)} for path, run in runs.items()]
+        return [panel(Path(files[0]), Path(files[2]), seen)]
+
+    inputs = [str(Path(path).with_name(name)) for path in runs for name in ("verdict.json", "fold.tsv")]
+    return OnPage(files, inputs, [version_of("folding.cohort_folding"), *runs.values()], write, panels)

@@ -16,9 +16,8 @@ from cortet.errors import InputError
 from cortet.folding.body import require_positive
 from cortet.folding.growth import check_age
 from cortet.folding.medial_wall import TOWARDS_MIDLINE
-from cortet.folding.run import thickness_mm
+from cortet.folding.run import Run, thickness_mm
 from cortet.folding.section import Settings
-from cortet.folding.state import Run
 from cortet.formats.hashing import sha256
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.geometry.topology import boundary, components, face_areas, face_normals
@@ -185,11 +184,6 @@ def brain_of(mesh: Path, age: float | None, hemisphere: Literal["L", "R"] | None
     """Gestational age, weeks, and hemisphere of a mesh file: those given, or else those that its sidecar records.
 
     A sidecar of another file, or of the mesh before it was edited, gives none.
-
-    Raises
-    ------
-    InputError
-        the sidecar records others than those given
     """
     record = read_sidecar(mesh)
     origin = record.get("made_from") or {}

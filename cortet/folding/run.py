@@ -1,8 +1,9 @@
-"""A run in memory: its preparation, its beginning, and its steps."""
+"""A run in memory: its constants, its present state, and its steps."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from cortet.errors import InputError
 from cortet.folding.body import (
     Body,
     Material,
+    Scale,
     amount_of_growth,
     body_of,
     default_mask,
@@ -19,20 +21,20 @@ from cortet.folding.body import (
     require_positive,
     scale_of,
 )
-from cortet.folding.contact import REFERENCE_PENALTY, contact_of, listed_at
-from cortet.folding.convex import planes_of
-from cortet.folding.growth import age_of, check_age, time_of
+from cortet.folding.contact import REFERENCE_PENALTY, Contact, contact_of, listed_at, planes_of
+from cortet.folding.growth import Growth, age_of, check_age, time_of
 from cortet.folding.kernels import (
     DONE,
     INVERTED,
     LIST_OUTDATED,
     Motion,
+    Work,
     advance,
     energies,
     workspace,
 )
 from cortet.folding.measurements import Measurements, shape
-from cortet.folding.medial_wall import medial_wall
+from cortet.folding.medial_wall import Wall, medial_wall
 from cortet.folding.models import (
     check_model,
     constants,
@@ -43,16 +45,15 @@ from cortet.folding.models import (
     thickness_at_start,
 )
 from cortet.folding.patches import renew
-from cortet.folding.relaxation import PART, relax
+from cortet.folding.relaxation import PART, Relaxation, relax
 from cortet.folding.ripples import without_ripples
 from cortet.folding.section import Settings
 from cortet.folding.stability import longest_step
-from cortet.folding.state import Moment, Run
 from cortet.geometry.filling import require_body
 from cortet.geometry.ordering import curve_order
 from cortet.geometry.topology import boundary_faces
 from cortet.measure.quality import quality, signed_volumes
-from cortet.meshes import REGION, FloatArray, MeshSets, TetMesh
+from cortet.meshes import REGION, FloatArray, IntArray, MeshSets, TetMesh
 
 #: steps for which growth is computed at once; then its work is added up
 _CHUNK = 25
@@ -70,14 +71,61 @@ _REFERENCE = {"gap": 0.004, "plane": 1.0, "penalty": REFERENCE_PENALTY}
 _SIDE = {"L": -1.0, "R": 1.0, None: 0.0}
 
 
-def prepared(mesh: TetMesh, settings: Settings) -> Run:
-    """The run of a mesh in mm and RAS coordinates.
+class Run(NamedTuple):
+    """The constants of a run; nodes and elements are in the order of a space-filling curve."""
 
-    Raises
-    ------
-    InputError : nothing grows; the tetrahedra fill no body, or one is inverted;
-        or a field is missing or has impossible values
-    """
+    mesh: TetMesh
+    #: (n,) and (m,), numbers in the user's mesh
+    node: NDArray[np.int64]
+    cell: NDArray[np.int64]
+    #: (n, 3), mm: the nodes of the body at the start, which has no ripples
+    points: FloatArray
+    scale: Scale
+    body: Body
+    #: the medial wall of half a brain
+    wall: Wall | None
+    #: (k, 3) int32, boundary
+    faces: IntArray
+    #: side of the medial plane on which the body stays, or 0
+    side: float
+    #: whether the run follows the reference
+    reference: bool
+    material: Material
+    growth: Growth
+    #: how fast the core yields; None: it is elastic
+    relaxation: Relaxation | None
+    #: whether an envelope confines the crowns
+    enveloped: bool
+    #: times of the simulation at the start and at the end
+    start: float
+    end: float
+    #: time step chosen by the user
+    time_step: float | None
+
+
+@dataclass
+class Moment:
+    """The present state of a run."""
+
+    step: int
+    time: float
+    state: Motion
+    #: the reference state: `run.body`, but for the gradients of elements that have yielded
+    base: Body
+    #: the body that `work` holds: `base` as it has grown, where growth was measured
+    body: Body
+    work: Work
+    contact: Contact
+    #: energy that growth has brought into the body since the start
+    growth_work: float = 0.0
+    #: length of the last step: velocities are those half a step ago
+    dt: float = 0.0
+    #: (n, 3), the mode of the body that limits the time step; None before the first step
+    mode: FloatArray | None = None
+
+
+def prepared(mesh: TetMesh, settings: Settings) -> Run:
+    """The run of a mesh in mm and RAS coordinates."""
     check_age(settings.gestational_age)
     check_model(settings)
     if not settings.gestational_age < settings.end:
@@ -185,12 +233,7 @@ def _ordered(mesh: TetMesh) -> tuple[TetMesh, NDArray[np.int64], NDArray[np.int6
 
 
 def beginning(run: Run) -> Moment:
-    """The undeformed body at rest.
-
-    Raises
-    ------
-    InputError : the time step that the user chose is too long, or so short that the run would take for ever
-    """
+    """The undeformed body at rest."""
     x = (run.points - run.scale.origin) / run.scale.length
     body, volumes = run.body, np.repeat(run.body.volumes / 4, 4)
     if run.relaxation:

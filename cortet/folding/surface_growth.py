@@ -10,9 +10,9 @@ Tensors are rows of six numbers, in the order of `COMPONENTS`, in the coordinate
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,9 +27,6 @@ _ROW, _COLUMN = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
 
 #: candidate rounds of smoothing for cross-validation
 _ROUNDS = (0, 1, 2, 4, 8, 16, 32, 64)
-#: candidate rates of a course for a fit, per week, and how many ages it takes to tell them apart
-_RATES = tuple(np.round(np.arange(0, 0.305, 0.005), 3).tolist())
-_AGES_FOR_A_RATE = 3
 #: random vectors that estimate a trace (Hutchinson 1990), and their seed
 _PROBES, _SEED = 8, 0
 #: largest factor by which half of a cortex may grow or shrink in area; from 20 to 40 weeks it is about 8
@@ -79,10 +76,6 @@ def measured(early: TriSurface, later: TriSurface, width_mm: float | None = None
     Parameters
     ----------
     width_mm : full width at half maximum of the smoothing along the surface; None: as much as noise requires
-
-    Raises
-    ------
-    InputError : the surfaces do not correspond, or the later one is smaller
     """
     found = smoothed(_plausible(logarithmic_growth(early, later)), early, width_mm)
     ratio, areas = area_ratio(found.tensors), vertex_areas(early)
@@ -128,10 +121,6 @@ def logarithmic_growth(early: TriSurface, later: TriSurface) -> FloatArray:
 
     Its trace is the logarithm of the ratio of the areas around the vertex; its shape is the mean of those of the
     triangles around it, weighted by area and turned into the plane of the vertex.
-
-    Raises
-    ------
-    InputError : the triangles of the two surfaces differ, or a triangle has no area
     """
     check_corresponding(early, later)
     per_face = _of_faces(early, later)
@@ -154,10 +143,6 @@ def through_spheres(surface: TriSurface, sphere: TriSurface, of_early: TriSurfac
     Parameters
     ----------
     sphere, of_early : registered spheres of the later and of the early surface, of any radius
-
-    Raises
-    ------
-    InputError : the sphere is not of this surface
     """
     from cortet.geometry import spheres
 
@@ -229,60 +214,6 @@ def smoothed(tensors: FloatArray, surface: TriSurface, width_mm: float | None = 
     return Smoothed(candidates[best], _FWHM * step * float(np.sqrt(_ROUNDS[best])))
 
 
-class Fit(NamedTuple):
-    """Growth at each vertex as one pattern that unfolds in time: tensor(age) = pattern * course(age)."""
-
-    #: (n, 6), at the last age that was fitted
-    pattern: FloatArray
-    #: (n,), standard error of the logarithm of the area at that age; NaN if two ages leave no residual
-    error: FloatArray
-    #: start, and the rate b of the course (1 - exp(-b t)), per week; 0: linear in the logarithm, so exponential
-    start: float
-    rate: float
-    last: float
-
-    def at(self, age: float) -> FloatArray:
-        """Tensors at any age, even beyond the last one: (n, 6)."""
-        return self.pattern * (_course(age - self.start, self.rate) / _course(self.last - self.start, self.rate))
-
-
-def fitted(ages: Sequence[float], tensors: Sequence[FloatArray], start: float, rate: float | None = None) -> Fit:
-    """One law of growth through several ages, by least squares at each vertex.
-
-    Parameters
-    ----------
-    ages : weeks, rising, after the start
-    tensors : growth from the start to each of them, (n, 6)
-    rate : of the course, per week: 0 is exponential growth, above 0 Gompertz's; None: the one of least residual
-    """
-    times, values = np.asarray(ages) - start, np.stack(tensors)
-    if rate is None:
-        if len(ages) < _AGES_FOR_A_RATE:
-            rate = 0.0
-        else:
-            rate = min(_RATES, key=lambda one: float((_left_over(times, values, one) ** 2).sum()))
-    course = _course(times, rate)
-    slope = np.tensordot(course, values, 1) / (course @ course)
-    left = _left_over(times, values, rate)[:, :, :3].sum(axis=2)
-    freedom = len(ages) - 1
-    spread = np.sqrt((left**2).sum(axis=0) / freedom) if freedom else np.full(values.shape[1], np.nan)
-    last = float(course[-1])
-    return Fit(slope * last, spread * last / float(np.sqrt(course @ course)), start, rate, float(ages[-1]))
-
-
-def _course(time: Any, rate: float) -> Any:
-    """How far growth has come: 0 at time 0, with slope 1 there."""
-    return -np.expm1(-rate * time) / rate if rate else time * 1.0
-
-
-def _left_over(times: FloatArray, values: FloatArray, rate: float) -> FloatArray:
-    """Residuals of the best fit with a rate: (k, n, 6)."""
-    course = _course(times, rate)
-    slope = np.tensordot(course, values, 1) / (course @ course)
-    result: FloatArray = values - course[:, None, None] * slope
-    return result
-
-
 def _of_faces(early: TriSurface, later: TriSurface) -> FloatArray:
     """Logarithm of the stretch of each triangle, in the plane that it lies in early: (m, 3, 3)."""
     before, after = (s.points[s.faces[:, 1:]] - s.points[s.faces[:, :1]] for s in (early, later))
@@ -341,40 +272,46 @@ def _step_mm(surface: TriSurface) -> float:
     return float(np.sqrt(squares.mean() / 4))
 
 
-def _after(tensors: FloatArray, surface: TriSurface, rounds: list[int] | tuple[int, ...]) -> list[FloatArray]:
-    """Tensors after some numbers of rounds, rising.
+def _after(tensors: FloatArray, surface: TriSurface, rounds: Sequence[int]) -> list[FloatArray]:
+    """Tensors after some numbers of rounds, rising; those of neighbours are turned into the plane of the vertex."""
+    normals, (start, end) = vertex_normals(surface.points, surface.faces), _both_ways(surface.faces)
+    turn = _turns(normals[start], normals[end])
 
-    In a round a vertex keeps half of its own and takes half the mean of its neighbours, weighted by area.
-    """
-    normals, areas = vertex_normals(surface.points, surface.faces), vertex_areas(surface)
-    start, end = _both_ways(surface.faces)
-    turn, weight = _turns(normals[start], normals[end]), areas[start]
-    total = np.bincount(end, weight, minlength=len(areas))
-    values, results, done = tensors, [], 0
-    for wanted in rounds:
-        for _ in range(wanted - done):
-            turned = _rows(turn @ _matrices(values[start]) @ turn.transpose(0, 2, 1)) * weight[:, None]
-            sums = np.stack([np.bincount(end, column, minlength=len(areas)) for column in turned.T], axis=1)
-            values = values / 2 + sums / total[:, None] / 2
-        done = wanted
-        results.append(values)
-    return results
+    def given(values: FloatArray) -> FloatArray:
+        return _rows(turn @ _matrices(values[start]) @ turn.transpose(0, 2, 1))
+
+    return _averaged(tensors, surface, rounds, given)
 
 
 def _traces(surface: TriSurface) -> list[float]:
     """Mean weight that a vertex has in its own result after each of `_ROUNDS`."""
-    areas = vertex_areas(surface)
-    start, end = _both_ways(surface.faces)
-    total = np.bincount(end, areas[start], minlength=len(areas))
-    probes = np.random.default_rng(_SEED).choice([-1.0, 1.0], (len(areas), _PROBES))
-    values, results, done = probes, [], 0
-    for wanted in _ROUNDS:
+    probes = np.random.default_rng(_SEED).choice([-1.0, 1.0], (len(surface.points), _PROBES))
+    start = _both_ways(surface.faces)[0]
+    return [float((probes * values).mean()) for values in _averaged(probes, surface, _ROUNDS, lambda all_: all_[start])]
+
+
+def _averaged(
+    values: FloatArray, surface: TriSurface, rounds: Sequence[int], given: Callable[[FloatArray], FloatArray]
+) -> list[FloatArray]:
+    """Values (n, ...) after some numbers of rounds, rising.
+
+    In a round a vertex keeps half of its own and takes half the mean of its neighbours, weighted by area.
+
+    Parameters
+    ----------
+    given : values at the start of each of `_both_ways`, as its end takes them
+    """
+    areas, (start, end) = vertex_areas(surface), _both_ways(surface.faces)
+    weight = areas[start]
+    total = np.bincount(end, weight, minlength=len(areas))
+    results, done = [], 0
+    for wanted in rounds:
         for _ in range(wanted - done):
-            given = values[start] * areas[start, None]
-            sums = np.stack([np.bincount(end, column, minlength=len(areas)) for column in given.T], axis=1)
+            taken = given(values) * weight[:, None]
+            sums = np.stack([np.bincount(end, column, minlength=len(areas)) for column in taken.T], axis=1)
             values = values / 2 + sums / total[:, None] / 2
         done = wanted
-        results.append(float((probes * values).mean()))
+        results.append(values)
     return results
 
 

@@ -33,7 +33,7 @@ from cortet.folding.growth import AREA, usual
 from cortet.folding.journal import SERIES
 from cortet.folding.journal import series as frames_of
 from cortet.folding.section import Settings
-from cortet.folding.surface_growth import area_ratio, fitted
+from cortet.folding.surface_growth import area_ratio
 from cortet.formats import vtu
 from cortet.formats.gifti import write_fields, write_surface
 from cortet.geometry.topology import boundary_surface
@@ -83,21 +83,6 @@ def test_a_series_of_one_or_of_surfaces_that_do_not_correspond_is_refused() -> N
 
 
 # --- growth
-
-
-def test_one_law_goes_through_several_ages_with_its_error() -> None:
-    rate, ages = 0.1, [23.0, 24.0, 26.0]
-    amplitude = np.random.default_rng(0).normal(0.5, 0.1, (50, 6))
-    tensors = [amplitude * (1 - np.exp(-rate * (age - 22))) for age in ages]
-    fit = fitted(ages, tensors, 22.0)
-    assert fit.rate == pytest.approx(rate)
-    assert fit.error == pytest.approx(0, abs=1e-9)
-    assert fit.at(30.0) == pytest.approx(amplitude * (1 - np.exp(-rate * 8)))
-    noisy = [values + np.random.default_rng(k).normal(0, 0.01, values.shape) for k, values in enumerate(tensors)]
-    # the trace of three components of 0.01 each, and one amplitude from three ages
-    assert np.median(fitted(ages, noisy, 22.0, rate=rate).error) == pytest.approx(0.01 * np.sqrt(3), rel=0.5)
-    exponential = fitted(ages, [amplitude * (age - 22) for age in ages], 22.0)
-    assert exponential.rate == 0 and exponential.at(23.0) == pytest.approx(amplitude)
 
 
 def test_a_forecast_goes_on_as_areas_of_usual_brains_do() -> None:

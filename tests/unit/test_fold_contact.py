@@ -9,8 +9,7 @@ from scipy.spatial import ConvexHull
 from shapes import ball_mesh
 
 from cortet.folding.body import Material, Scale, body_of
-from cortet.folding.contact import Contact, contact_forces, contact_of, listed_at, moved_too_far
-from cortet.folding.convex import planes_of
+from cortet.folding.contact import Contact, contact_forces, contact_of, listed_at, moved_too_far, planes_of
 from cortet.folding.kernels import DONE, LIST_OUTDATED, Motion, advance, elastic_forces, workspace
 from cortet.folding.models import course, tangential
 from cortet.folding.stability import longest_step

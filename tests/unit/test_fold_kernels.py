@@ -10,7 +10,6 @@ import pytest
 from cubes import cube_mesh
 from shapes import ball_mesh
 
-from cortet.folding.altitude import smallest_altitude
 from cortet.folding.body import Body, Material, Scale, body_of
 from cortet.folding.contact import Contact, contact_of
 from cortet.folding.elements import OWN_ROWS, stress_elements
@@ -30,8 +29,7 @@ from cortet.folding.law import exponential, growth_share, inverse_cube_root
 from cortet.folding.models import course, tangential
 from cortet.folding.patches import ROWS, SIZE
 from cortet.folding.stability import longest_step
-from cortet.geometry.topology import TET_FACES, boundary_faces, boundary_nodes, face_areas
-from cortet.measure.quality import signed_volumes
+from cortet.geometry.topology import boundary_faces, boundary_nodes
 from cortet.meshes import TetMesh
 
 MATERIAL = Material()
@@ -339,14 +337,3 @@ def test_who_makes_ready_for_steps_starts_the_threads(monkeypatch: pytest.Monkey
     monkeypatch.setattr(numba, "get_num_threads", lambda: started.append(True))
     ungrown(cube_mesh(1))
     assert started
-
-
-def test_the_smallest_altitude_is_three_volumes_over_the_largest_face() -> None:
-    mesh = cube_mesh(4, jitter=0.2)
-    faces = np.stack([face_areas(mesh.points, mesh.cells[:, face]) for face in TET_FACES], axis=1)
-    altitudes = 3 * signed_volumes(mesh.points, mesh.cells) / faces.max(axis=1)
-    assert smallest_altitude(mesh.points, mesh.cells) == altitudes.min()
-    turned = mesh.cells.copy()
-    turned[7] = turned[7][[1, 0, 2, 3]]
-    assert smallest_altitude(mesh.points, turned) == -altitudes[7]
-    assert np.isnan(smallest_altitude(np.full_like(mesh.points, np.nan), mesh.cells))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import fold_brain
 import numpy as np
 import pandas as pd
 import pytest
@@ -26,7 +27,7 @@ from fold_brain import (
 )
 from shapes import ball_surface
 
-from cortet.folding import real_brains
+from cortet.folding.fold_figures import healthy_hemispheres, real_brains
 from cortet.folding.growth import AREA, HULL, VOLUME, usual
 from cortet.folding.measurements import COLUMNS
 from cortet.formats.gifti import write_surface
@@ -98,7 +99,7 @@ def test_surfaces_come_by_age_with_the_names_of_their_files(tmp_path: Path) -> N
     ("law", "column"), [(AREA, "area_cm2"), (VOLUME, "volume_ml"), (HULL, "hull_volume_ml")], ids=str
 )
 def test_the_laws_of_the_package_are_those_of_its_table(law: tuple[float, float, float], column: str) -> None:
-    brains = real_brains.healthy_hemispheres()
+    brains = healthy_hemispheres()
     ages, values = (brains[name].to_numpy(float) for name in ("gestational_age_weeks", column))
     again = fitted(ages, values, (1.2 * law[0], 0.9 * law[1], law[2] + 1))
     assert usual(again, ages) == pytest.approx(usual(law, ages), rel=1e-2)
@@ -158,9 +159,9 @@ def test_the_table_of_real_brains_is_what_the_surfaces_say(monkeypatch: pytest.M
     if not SHARED.exists():
         pytest.skip(f"needs {SHARED}")
     names = ["CRL_STA28_left_white", "neonatal_dhcp_w34_rh_pial"]
-    known = real_brains.real_brains()
+    known = real_brains()
     known = known[known["surface"].isin(names)].reset_index(drop=True)
-    monkeypatch.setattr(real_brains, "real_brains", lambda: known)
+    monkeypatch.setattr(fold_brain, "real_brains", lambda: known)
     again = table_of(SHARED)
     numbers = known.select_dtypes("number").columns
     assert again[numbers].astype(float).to_numpy() == pytest.approx(known[numbers].to_numpy())

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cortet.folding import real_brains
+from cortet.folding import fold_figures
 from cortet.report import published
 
 DATA = Path(published.__file__).parent / "data"
@@ -25,8 +25,8 @@ def test_every_column_is_explained_and_the_source_named(table: Path) -> None:
 
 
 def test_real_brains_are_explained_and_their_numbers_fit_together() -> None:
-    brains = real_brains.real_brains()
-    explained = json.loads((Path(real_brains.__file__).parent / "data/real_brains.json").read_text())
+    brains = fold_figures.real_brains()
+    explained = json.loads((Path(fold_figures.__file__).parent / "data/real_brains.json").read_text())
     assert set(explained) == {"Description", "Source", *brains.columns}
     assert brains["gestational_age_weeks"].between(22, 42).all()
     assert brains["gyrification_index"].between(1, 1.6).all()
@@ -40,7 +40,7 @@ def test_real_brains_are_explained_and_their_numbers_fit_together() -> None:
 
 
 def test_healthy_hemispheres_are_inner_surfaces_of_one_half() -> None:
-    healthy = real_brains.healthy_hemispheres()
+    healthy = fold_figures.healthy_hemispheres()
     assert len(healthy) == 17 and set(healthy["hemi"]) == {"L", "R"} and set(healthy["surface_type"]) == {"white"}
     assert not healthy["surface"].str.startswith("SB_").any()
 
