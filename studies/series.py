@@ -17,8 +17,9 @@ from scipy.spatial.transform import Rotation
 from cortet.errors import InputError
 from cortet.folding.body import scale_of
 from cortet.folding.medial_wall import medial_wall
-from cortet.folding.surface_growth import check_corresponding, through_spheres, vertex_areas
+from cortet.folding.surface_growth import check_corresponding, through_spheres
 from cortet.formats.gifti import read_fields, read_label_names, read_surface
+from cortet.geometry.spheres import vertex_areas
 from cortet.geometry.topology import enclosed_volume
 from cortet.meshes import FloatArray, TriSurface
 

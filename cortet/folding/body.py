@@ -323,14 +323,9 @@ def cortex_region(mesh: TetMesh, points: FloatArray) -> CortexRegion | None:
     part = cut_components(mesh, faces)
     outer = boundary(mesh)
     cortex = np.isin(part, np.unique(part[outer.cells]))
-    facing = faces[_touches(mesh.cells[cortex], faces)]
+    facing = faces[np.isin(faces, mesh.cells[cortex]).all(axis=1)]
     out, inside = (closest_points(surface_tree(points, some), points) for some in (outer.faces, facing))
     across = out.points - inside.points
     thickness = np.linalg.norm(across, axis=1)
     direction = across / np.maximum(thickness, np.finfo(float).tiny)[:, None]
     return CortexRegion(cortex, out.distances + inside.distances, direction)
-
-
-def _touches(cells: IntArray, faces: IntArray) -> NDArray[np.bool_]:
-    """Whether all nodes of each face are nodes of some of these tetrahedra."""
-    return np.asarray(np.isin(faces, cells).all(axis=1))

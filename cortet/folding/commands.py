@@ -215,8 +215,8 @@ def growth(
     --------
     cortet growth week28.surf.gii week30.surf.gii --ages 28 30 -o growth.func.gii
     """
+    from cortet.folding import calls
     from cortet.folding.fields import growth_field
-    from cortet.folding.surface_growth import measured, through_spheres
     from cortet.formats.gifti import read_surface, write_fields
 
     start, end = ages
@@ -228,11 +228,8 @@ def growth(
     metrics, record = (output.with_name(f"{stem}{ending}") for ending in (".shape.gii", ".growth.json"))
     for path in (metrics, record):
         may_write(path)
-    young, old = read_surface(early), read_surface(later)
-    if spheres:
-        own, other = (read_surface(sphere) for sphere in spheres)
-        old = through_spheres(old, other, own)
-    found = measured(young, old, smooth)
+    young = read_surface(early)
+    fields, found = calls.growth(young, later, ages, spheres=spheres, smooth=smooth)
     report = {
         "early": {"file": str(early), "gestational_age_weeks": start},
         "later": {"file": str(later), "gestational_age_weeks": end},
@@ -249,7 +246,7 @@ def growth(
         },
     }
     with recorded(report, record) as place:
-        write_fields({growth_field(end): found.tensors}, place(output))
+        write_fields(fields, place(output))
         write_fields(found.metrics, place(metrics))
         if picture:
             from cortet.report.cohort_maps import maps_figure

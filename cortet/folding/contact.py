@@ -206,20 +206,14 @@ def _corners(x, faces, face):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, error_model="numpy")
 def moved_too_far(contact, x):  # type: ignore[no-untyped-def]
     """Whether some surface node has moved so far that the list may lack a contact."""
-    for i in range(len(contact.nodes)):  # noqa: SIM110 - Numba compiles no generator in `any`
-        if has_moved_too_far(contact, x, i):
+    limit = 0.5 * (contact.radius - contact.reach)
+    for i in range(len(contact.nodes)):
+        node, d = contact.nodes[i], 0.0
+        for k in range(3):
+            d += (x[node, k] - contact.listed[i, k]) ** 2
+        if not d < limit**2:
             return True
     return False
-
-
-@numba.njit(cache=True, error_model="numpy")
-def has_moved_too_far(contact, x, i):  # type: ignore[no-untyped-def]
-    """Whether surface node i has moved so far."""
-    limit, node = 0.5 * (contact.radius - contact.reach), contact.nodes[i]
-    d = 0.0
-    for k in range(3):
-        d += (x[node, k] - contact.listed[i, k]) ** 2
-    return not d < limit**2
 
 
 @numba.njit(parallel=True, cache=True, error_model="numpy")
@@ -282,10 +276,7 @@ def contact_forces(contact, x, external, envelope):  # type: ignore[no-untyped-d
     if contact.side != 0:
         count += _against_plane(contact, x, external)
     if len(contact.planes) > 0:
-        for i in range(len(contact.nodes)):
-            push = envelope_force(contact, x, i, envelope)
-            for k in range(3):
-                external[contact.nodes[i], k] += push[k]
+        _against_envelope(contact, x, external, envelope)
     return count
 
 
@@ -294,28 +285,24 @@ def _against_plane(contact, x, external):  # type: ignore[no-untyped-def]
     """Push nodes beyond the medial plane back; the force per depth is that of a contact."""
     count = 0
     for node in contact.nodes:
-        push = contact.weight[node] * plane_force(contact, x[node, 0])
-        if push != 0:
-            external[node, 0] += push
+        depth = -contact.side * x[node, 0] - contact.gap
+        if depth > 0:
+            external[node, 0] += contact.weight[node] * (contact.side * contact.stiffness * depth)
             count += 1
     return count
 
 
 @numba.njit(cache=True, error_model="numpy")
-def plane_force(contact, x):  # type: ignore[no-untyped-def]
-    """Force of the medial plane along x on a node at coordinate `x`."""
-    depth = -contact.side * x - contact.gap
-    return contact.side * contact.stiffness * depth if depth > 0 else 0.0
-
-
-@numba.njit(cache=True, error_model="numpy")
-def envelope_force(contact, x, i, envelope):  # type: ignore[no-untyped-def]
-    """Force of an envelope of size `envelope` on surface node i, by the plane nearest when contacts were listed."""
-    node, plane = contact.nodes[i], contact.plane[i]
-    a, b, c = contact.planes[plane, 0], contact.planes[plane, 1], contact.planes[plane, 2]
-    beyond = a * x[node, 0] + b * x[node, 1] + c * x[node, 2] + envelope * contact.planes[plane, 3]
-    push = -contact.softness * max(beyond, 0.0)
-    return push * a, push * b, push * c
+def _against_envelope(contact, x, external, envelope):  # type: ignore[no-untyped-def]
+    """Push nodes back that are beyond an envelope of a size, by the planes nearest when contacts were listed."""
+    for i in range(len(contact.nodes)):
+        node, plane = contact.nodes[i], contact.plane[i]
+        a, b, c = contact.planes[plane, 0], contact.planes[plane, 1], contact.planes[plane, 2]
+        depth = a * x[node, 0] + b * x[node, 1] + c * x[node, 2] + envelope * contact.planes[plane, 3]
+        push = -contact.softness * max(depth, 0.0)
+        external[node, 0] += push * a
+        external[node, 1] += push * b
+        external[node, 2] += push * c
 
 
 # --- the envelope ----------------------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cortet.errors import place_mm
 from cortet.folding.body import with_interface
@@ -29,7 +30,6 @@ from cortet.folding.journal import (
     fingerprint,
     load_checkpoint,
     save_checkpoint,
-    write_frame,
     write_series,
 )
 from cortet.folding.kernels import Motion
@@ -50,8 +50,10 @@ from cortet.folding.run import (
     thickness_mm,
 )
 from cortet.folding.section import Settings
+from cortet.formats import vtu
 from cortet.formats.atomic import write_json
 from cortet.formats.ownership import delete, delete_abandoned, is_ours
+from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.formats.tables import write_table
 from cortet.formats.tsv import write_tsv
 from cortet.meshes import TetMesh
@@ -262,16 +264,16 @@ class Journal:
         """Write a frame, in the numbering of the user's mesh, for weeks of surfaces with what elements feel."""
         name = f"frames/frame_{len(self.frames):04d}.vtu"
         by_node, by_cell = np.argsort(run.node), np.argsort(run.cell)
-        reference = TetMesh(run.mesh.points[by_node], run.node[run.mesh.cells[by_cell]].astype(np.int32))
+        points, cells = millimetres(run, moment)[by_node], run.node[run.mesh.cells[by_cell]].astype(np.int32)
+        of_nodes: dict[str, NDArray[Any]] = {"displacement": points - run.mesh.points[by_node]}
+        of_nodes[MEDIAL_WALL] = run.body.held[by_node].astype(np.uint8)
         j = (moment.work.current / moment.work.grown)[by_cell]
-        points = millimetres(run, moment)[by_node]
-        wall = run.body.held[by_node].astype(np.uint8)
         more = {}
         if felt:
             thickness = run.body.thickness * run.scale.length
             more = {"stress": felt.stress, "stretch": felt.stretch, THICKNESS_FIELD: thickness}
         of_cells = {"J": j, "growth": moment.work.share[by_cell]} | {key: more[key][by_cell] for key in more}
-        write_frame(reference, points, of_cells, wall, self.folder / name)
+        vtu.write(TetMesh(points, cells, of_nodes, of_cells), self.folder / name)
         self.frames.append((name, age))
         write_series(self.frames, self.folder / SERIES)
 

@@ -26,7 +26,7 @@ from cortet.solver_files.surface_map import SurfaceMap
 
 VERSION: int = 2
 
-#: weeks by which a frame may differ from the week that is asked for
+#: mm by which the start of a frame may differ from the mesh, and weeks by which its age may from that asked for
 _SAME = 1e-6
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,6 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.folding import AGES
 from cortet.meshes import FloatArray
-
-if TYPE_CHECKING:
-    from cortet.folding.body import Body
 
 #: coefficients of GA^3, GA^2, GA and 1 in the time of the simulation (Wang et al. 2021): 0 at 22 weeks, 1 at 44
 _TIME = (6.926e-5, -0.00665, 0.250, -3.0189)
@@ -142,20 +139,3 @@ class Course(NamedTuple):
         """The course of the steps from `first` to before `last`."""
         steps = slice(first, last)
         return Course(self.growth[steps], self.thickening[steps], self.envelope[steps])
-
-
-class Growth(Protocol):
-    """How a body grows."""
-
-    @property
-    def mapped(self) -> bool:
-        """Whether single elements have their own growth, so that the body changes as it grows."""
-
-    def at(self, times: FloatArray, dt: float) -> Course:
-        """The course of growth at times (k,)."""
-
-    def frame(self, time: float) -> float:
-        """The unit of length at a time, over that at the start."""
-
-    def body(self, body: Body, time: float) -> Body:
-        """The body with the own growth of its elements at a time; the same body if they have none."""

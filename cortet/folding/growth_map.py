@@ -22,10 +22,9 @@ from cortet.folding import AGES
 from cortet.folding.body import Body
 from cortet.folding.fields import GROWTH_FIELD, age_of_growth, growth_field, node_field
 from cortet.folding.law import combined, cross, dot, exponential, fast, growth_share, vector
+from cortet.folding.surface_growth import matrices
 from cortet.meshes import FloatArray, TetMesh
 
-#: row and column of each of the six components
-_ROW, _COLUMN = np.array([0, 1, 2, 0, 0, 1]), np.array([0, 1, 2, 1, 2, 2])
 #: logarithm of a stretch beyond which a map cannot be a map of growth: more than a factor of seven
 _LARGEST = 2.0
 
@@ -91,10 +90,9 @@ def _check(values: FloatArray, name: str, count: int) -> None:
 
 def _on_elements(tensors: FloatArray, normals: FloatArray) -> FloatArray:
     """The three numbers of tensors (m, 6), in the planes perpendicular to `normals` (m, 3): (m, 3)."""
-    matrices = np.empty((len(tensors), 3, 3))
-    matrices[:, _ROW, _COLUMN] = matrices[:, _COLUMN, _ROW] = tensors
-    t1, t2 = _tangents(normals)
-    a, b, c = (np.einsum("mi,mij,mj->m", u, matrices, v) for u, v in ((t1, t1), (t2, t2), (t1, t2)))
+    t1, t2 = _all_tangents(np.ascontiguousarray(normals))
+    own = matrices(tensors)
+    a, b, c = (np.einsum("mi,mij,mj->m", u, own, v) for u, v in ((t1, t1), (t2, t2), (t1, t2)))
     return np.stack([(a + b) / 2, (a - b) / 2, c], axis=1)
 
 
@@ -161,9 +159,4 @@ def _all_tangents(normals):  # type: ignore[no-untyped-def]
         t1, t2 = tangents(vector(normals, e))
         first[e, 0], first[e, 1], first[e, 2] = t1
         second[e, 0], second[e, 1], second[e, 2] = t2
-    return first, second
-
-
-def _tangents(normals: FloatArray) -> tuple[FloatArray, FloatArray]:
-    first, second = _all_tangents(np.ascontiguousarray(normals))
     return first, second

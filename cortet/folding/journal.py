@@ -16,12 +16,10 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.folding.measurements import COLUMNS, Measurements
-from cortet.formats import vtu
 from cortet.formats.atomic import atomic_path
-from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.formats.tables import names
 from cortet.formats.tsv import read_tsv
-from cortet.meshes import FloatArray, TetMesh
+from cortet.meshes import TetMesh
 
 #: files in the folder of a run; wall seconds have their own table, everything else is the same in every run
 TABLE, SIDECAR, SECONDS, VERDICT, SERIES = "fold.tsv", "fold.json", "seconds.tsv", "verdict.json", "fold.pvd"
@@ -36,18 +34,6 @@ _WIDTH = 20
 
 
 # --- frames
-
-
-def write_frame(
-    mesh: TetMesh, points: FloatArray, of_cells: dict[str, FloatArray], wall: NDArray[np.uint8], path: Path
-) -> None:
-    """Write a mesh with its nodes at `points` (n, 3) mm.
-
-    It has the displacement of each node, whether it is in the medial wall (n,), and fields of the elements (m, ...).
-    """
-    fields: dict[str, NDArray[Any]] = {"displacement": points - mesh.points, MEDIAL_WALL: wall}
-    moved = TetMesh(points, mesh.cells, fields, of_cells)
-    vtu.write(moved, path)
 
 
 def write_series(frames: Sequence[tuple[str, float]], path: Path) -> None:

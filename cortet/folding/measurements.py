@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numba
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from cortet.folding.contact import beyond, planes_of
-from cortet.formats.tables import Column
+from cortet.formats.tables import read_columns
 from cortet.geometry.spheres import vertex_areas
 from cortet.geometry.topology import edges, enclosed_volume, face_areas, face_normals, vertex_normals
 from cortet.meshes import FloatArray, IntArray, TriSurface
@@ -22,51 +23,7 @@ _SMOOTHING = 1.5
 _GYRIFICATION = 0.12
 
 #: columns of the table, in the order of `Measurements`
-COLUMNS = (
-    Column("step", "Steps taken"),
-    Column("time", "Time of the simulation"),
-    Column("gestational_age", "Gestational age at that time", "weeks"),
-    Column("kinetic_energy", "Kinetic energy, dimensionless"),
-    Column("elastic_energy", "Elastic energy, dimensionless"),
-    Column("dissipated_energy", "Energy that damping has taken since the start, dimensionless"),
-    Column("growth_work", "Energy that growth has brought since the start, dimensionless"),
-    Column("contact_work", "Work of the contact forces since the start, dimensionless"),
-    Column(
-        "energy_error",
-        "Kinetic, elastic and dissipated energy less the work of growth and contact, relative to both works; n/a "
-        "where an element has inverted",
-    ),
-    Column("min_j", "Smallest determinant of the elastic deformation gradient in any step since the row before"),
-    Column("inverted", "Number of tetrahedra where it is not positive"),
-    Column("degenerate", "Times that a tetrahedron or an edge had a stretch below 0.1, all steps so far"),
-    Column("q_max", "Largest q = 1 - sqrt(2) 6V / l_rms^3 of the deformed tetrahedra"),
-    Column("gyrification_index", "Area of the surface over that of its convex hull"),
-    Column(
-        "fold_spacing_mm",
-        "Mean distance from gyrus to gyrus: twice the area of the cortex over the length of the lines on it where mean "
-        "curvature, smoothed over 1.5 mm, is zero; n/a where there are none",
-        "mm",
-    ),
-    Column(
-        "fold_wavelength_mm",
-        "The same with the lines where this curvature is its median over the cortex, so that shallow folds count as "
-        "deep ones do; of a surface without folds, that of its triangles",
-        "mm",
-    ),
-    Column("sulcal_depth_mm", "Mean distance of the cortex from the convex hull", "mm"),
-    Column("area_mm2", "Area of the surface", "mm2"),
-    Column("volume_mm3", "Volume", "mm3"),
-    Column("hull_volume_mm3", "Volume of the convex hull", "mm3"),
-    Column("extent_lr_mm", "Extent from left to right", "mm"),
-    Column("extent_ap_mm", "Extent from back to front", "mm"),
-    Column("extent_is_mm", "Extent from bottom to top", "mm"),
-    Column("cortex_share", "Volume of the cortex over the whole volume"),
-    Column("cortical_thickness_mm", "Volume of the cortex over the area of the surface without the medial wall", "mm"),
-    Column(
-        "concave_share", "Share of the area of the cortex where mean curvature, smoothed over 1.5 mm, is below zero"
-    ),
-    Column("contacts", "Surface nodes in contact"),
-)
+COLUMNS = read_columns(Path(__file__).with_name("data") / "fold_columns.tsv")
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,6 @@ from cortet.folding.growth import (
     ByAge,
     Course,
     Gompertz,
-    Growth,
     Law,
     Linear,
     age_of,
@@ -114,7 +113,7 @@ class BrainGrowth(NamedTuple):
     reference: bool = False
 
     def at(self, times: FloatArray, dt: float) -> Course:
-        """See `Growth.at`."""
+        """The course of growth at times (k,), for steps of `dt`."""
         if self.reference:
             times = np.maximum(times - dt, self.start)
         alphas = [law(times) if self.reference else growth_since(law, self.start, times) for law in self.laws]
@@ -126,11 +125,11 @@ class BrainGrowth(NamedTuple):
 
     @property
     def mapped(self) -> bool:
-        """False."""
+        """False: no element has a growth of its own."""
         return False
 
     def body(self, body: Body, time: float) -> Body:  # noqa: ARG002
-        """See `Growth.body`."""
+        """The same body."""
         return body
 
 
@@ -150,22 +149,22 @@ class Growing(NamedTuple):
     map: GrowthMap | None = None
 
     def at(self, times: FloatArray, dt: float) -> Course:  # noqa: ARG002
-        """See `Growth.at`."""
+        """The course of growth at times (k,)."""
         ages = ages_of(times)
         stretch = self.stretch(ages)
         return Course(self.grown(ages, stretch), np.zeros(len(times)), self.envelope(ages) / stretch)
 
     def frame(self, time: float) -> float:
-        """s(t)."""
+        """The unit of length at a time, over that at the start: s(t)."""
         return float(self.stretch(ages_of(np.array([time])))[0])
 
     @property
     def mapped(self) -> bool:
-        """Whether there is a map."""
+        """Whether there is a map, so that the body changes as it grows."""
         return self.map is not None
 
     def body(self, body: Body, time: float) -> Body:
-        """See `Growth.body`."""
+        """The body with the own growth of its elements at a time; the same body if they have none."""
         return self.body_at(body, age_of(time), self.frame(time)) if self.mapped else body
 
     def body_at(self, body: Body, age: float, stretch: float) -> Body:
@@ -179,6 +178,9 @@ class Growing(NamedTuple):
         for label, (along, core) in enumerate(zip(self.along, self.core, strict=True)):
             growth[:, label, ALONG], growth[:, label, CORE] = along(ages), core(ages)
         return growth
+
+
+Growth = BrainGrowth | Growing
 
 
 def constants(settings: Settings) -> Constants:

@@ -22,7 +22,7 @@ from cortet.folding.body import (
     scale_of,
 )
 from cortet.folding.contact import REFERENCE_PENALTY, Contact, contact_of, listed_at, planes_of
-from cortet.folding.growth import Growth, age_of, check_age, time_of
+from cortet.folding.growth import age_of, check_age, time_of
 from cortet.folding.kernels import (
     DONE,
     INVERTED,
@@ -36,6 +36,7 @@ from cortet.folding.kernels import (
 from cortet.folding.measurements import Measurements, shape
 from cortet.folding.medial_wall import Wall, medial_wall
 from cortet.folding.models import (
+    Growth,
     check_model,
     constants,
     labels_of,
@@ -358,11 +359,6 @@ def _relax(run: Run, moment: Moment, time: float, duration: float) -> None:
     moment.work.energy[0] += before - _energies(run, moment, time)[1]
 
 
-def _half_a_step_ago(moment: Moment) -> FloatArray:
-    """The positions to which the velocities belong: (n, 3)."""
-    return moment.state.x - moment.dt / 2 * moment.state.v
-
-
 def _take(moment: Moment, body: Body) -> None:
     """Continue with a body whose `amount`, `gradients` and `volumes` may have changed."""
     if body is not moment.body:
@@ -372,7 +368,7 @@ def _take(moment: Moment, body: Body) -> None:
 
 def _energies(run: Run, moment: Moment, time: float) -> tuple[float, float]:
     """Kinetic and elastic energy half a step ago, with the growth at a time."""
-    return _energies_at(run, moment, _half_a_step_ago(moment), time)
+    return _energies_at(run, moment, moment.state.x - moment.dt / 2 * moment.state.v, time)
 
 
 def _energies_at(run: Run, moment: Moment, x: FloatArray, time: float) -> tuple[float, float]:

@@ -101,13 +101,6 @@ def _summed(values, places, first, last):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _sum_of_edge(edges, i):  # type: ignore[no-untyped-def]
-    """Weight of edge i, and the nine components of F there times it."""
-    _of_element, starts, around, weighted, _stress, _deformation = edges
-    return _summed(weighted, around, starts[i], starts[i + 1])
-
-
-@inlined
 def edge_deformation(deformation, i):  # type: ignore[no-untyped-def]
     """Rows of F of edge i, from `Edges.deformation`."""
     f, t = deformation, i * TEN + 1
@@ -117,8 +110,9 @@ def edge_deformation(deformation, i):  # type: ignore[no-untyped-def]
 @fast
 def _sum_edges(first, last, edges, rows):  # type: ignore[no-untyped-def]
     """Write weight and weighted F of a block of at most SIZE edges to rows, as those of elements are."""
+    _of_element, starts, around, weighted, _stress, _deformation = edges
     for i in range(first, last):
-        w, a, b, c, d, e, f, g, h, k = _sum_of_edge(edges, i)
+        w, a, b, c, d, e, f, g, h, k = _summed(weighted, around, starts[i], starts[i + 1])
         rows[MEAN * SIZE + i - first] = w
         put_tensor(rows, EDGES, i - first, (a, b, c), (d, e, f), (g, h, k))
 

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.geometry.spheres import barycentric, of_one_radius, same_triangles, vertex_areas
 from cortet.geometry.topology import edges, enclosed_volume, face_areas, face_normals, vertex_normals
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
@@ -132,9 +133,11 @@ def logarithmic_growth(early: TriSurface, later: TriSurface) -> FloatArray:
     for corner in early.faces.T:
         turn = _turns(of_face, normals[corner])
         np.add.at(total, corner, areas[:, None, None] * (turn @ per_face @ turn.transpose(0, 2, 1)))
-    shape = _traceless(_flattened(total / vertex_areas(early)[:, None, None] / 3, normals), normals)
+    plane = np.eye(3) - normals[:, :, None] * normals[:, None, :]
+    flat = plane @ (total / vertex_areas(early)[:, None, None] / 3) @ plane
+    shape = flat - np.trace(flat, axis1=1, axis2=2)[:, None, None] / 2 * plane
     ratio = np.log(vertex_areas(later) / vertex_areas(early))
-    return _rows(shape + ratio[:, None, None] / 2 * _projectors(normals))
+    return _rows(shape + ratio[:, None, None] / 2 * plane)
 
 
 def through_spheres(surface: TriSurface, sphere: TriSurface, of_early: TriSurface) -> TriSurface:
@@ -144,15 +147,13 @@ def through_spheres(surface: TriSurface, sphere: TriSurface, of_early: TriSurfac
     ----------
     sphere, of_early : registered spheres of the later and of the early surface, of any radius
     """
-    from cortet.geometry import spheres
-
-    if not spheres.same_triangles(sphere, surface):
+    if not same_triangles(sphere, surface):
         raise InputError(
             f"the sphere has {len(sphere.points)} vertices and other triangles than the surface, which has "
             f"{len(surface.points)}",
             remedy="give the sphere of this very surface",
         )
-    weights = spheres.barycentric(spheres.of_one_radius(sphere), spheres.of_one_radius(of_early))
+    weights = barycentric(of_one_radius(sphere), of_one_radius(of_early))
     return TriSurface(weights @ surface.points, of_early.faces)
 
 
@@ -172,12 +173,6 @@ def check_corresponding(early: TriSurface, later: TriSurface) -> None:
             )
 
 
-def vertex_areas(surface: TriSurface) -> FloatArray:
-    """Area of each vertex, a third of that of the triangles around it: (n,) mm2."""
-    areas = np.repeat(face_areas(surface.points, surface.faces) / 3, 3)
-    return np.bincount(surface.faces.ravel(), areas, minlength=len(surface.points)).astype(float)
-
-
 def area_ratio(tensors: FloatArray) -> FloatArray:
     """Later over early area at each vertex: (n,)."""
     return np.exp(tensors[:, :3].sum(axis=1))
@@ -185,7 +180,7 @@ def area_ratio(tensors: FloatArray) -> FloatArray:
 
 def principal(tensors: FloatArray, normals: FloatArray) -> Principal:
     """Principal stretches of tensors (n, 6) along the surface with some unit normals (n, 3)."""
-    values, vectors = np.linalg.eigh(_matrices(tensors))
+    values, vectors = np.linalg.eigh(matrices(tensors))
     across = np.abs(np.einsum("nik,ni->nk", vectors, normals)).argmax(axis=1)  # its eigenvalue, 0, may have any rank
     rows = np.arange(len(values))
     kept = np.array([[1, 2], [0, 2], [0, 1]])[across]  # eigh sorts in ascending order
@@ -239,27 +234,12 @@ def _turns(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.eye(3) + skew + factor[:, None, None] * (skew @ skew)
 
 
-def _projectors(normals: FloatArray) -> FloatArray:
-    """I - n n^T: (n, 3, 3)."""
-    result: FloatArray = np.eye(3) - normals[:, :, None] * normals[:, None, :]
-    return result
-
-
-def _flattened(matrices: FloatArray, normals: FloatArray) -> FloatArray:
-    plane = _projectors(normals)
-    return plane @ matrices @ plane
-
-
-def _traceless(matrices: FloatArray, normals: FloatArray) -> FloatArray:
-    half = np.trace(matrices, axis1=1, axis2=2) / 2
-    return matrices - half[:, None, None] * _projectors(normals)
-
-
 def _rows(matrices: FloatArray) -> FloatArray:
     return matrices[:, _ROW, _COLUMN]
 
 
-def _matrices(tensors: FloatArray) -> FloatArray:
+def matrices(tensors: FloatArray) -> FloatArray:
+    """Symmetric matrices of tensors (n, 6): (n, 3, 3)."""
     matrices = np.empty((len(tensors), 3, 3))
     matrices[:, _ROW, _COLUMN] = matrices[:, _COLUMN, _ROW] = tensors
     return matrices
@@ -278,7 +258,7 @@ def _after(tensors: FloatArray, surface: TriSurface, rounds: Sequence[int]) -> l
     turn = _turns(normals[start], normals[end])
 
     def given(values: FloatArray) -> FloatArray:
-        return _rows(turn @ _matrices(values[start]) @ turn.transpose(0, 2, 1))
+        return _rows(turn @ matrices(values[start]) @ turn.transpose(0, 2, 1))
 
     return _averaged(tensors, surface, rounds, given)
 
