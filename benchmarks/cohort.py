@@ -31,15 +31,7 @@ from typing import NamedTuple
 import yaml
 from _frame import ROOT, command
 
-from cortet.cohort.resources import (
-    MEMORY_MARGIN,
-    Cost,
-    cost,
-    disk_mb,
-    expected_tets,
-    memory_to_ask_mb,
-    minutes_to_ask,
-)
+from cortet.cohort.resources import MEMORY_MARGIN, Cost, cost, disk_mb, expected_tets, memory_to_ask_mb, minutes_to_ask
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
 from cortet.errors import InputError
 from cortet.formats.gifti import write_surface

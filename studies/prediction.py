@@ -27,10 +27,7 @@ from cortet.folding.fields import growth_field
 from cortet.folding.fold import SAME_AGE, Say, Verdict, fold
 from cortet.folding.growth import AREA, VOLUME, usual
 from cortet.folding.section import Settings
-from cortet.folding.surface_growth import (
-    logarithmic_growth,
-    smoothed,
-)
+from cortet.folding.surface_growth import logarithmic_growth, smoothed
 from cortet.formats import vtu
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.interpolation import at_triangles

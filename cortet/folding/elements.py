@@ -33,18 +33,7 @@ from cortet.folding.law import (
     vector,
     volume_between,
 )
-from cortet.folding.patches import (
-    AMOUNT,
-    DEPTH,
-    GRADIENTS,
-    ISOTROPIC,
-    MASK,
-    NORMAL,
-    SIZE,
-    STIFFNESS,
-    THICKNESS,
-    VOLUME,
-)
+from cortet.folding.patches import AMOUNT, DEPTH, GRADIENTS, ISOTROPIC, MASK, NORMAL, SIZE, STIFFNESS, THICKNESS, VOLUME
 
 #: rows of a patch's own memory, few, so that they fit in the cache: edges from corner 0, later replaced by the forces
 #: on the corners 1, 2 and 3; share of the cortex, growth along and across it, grown volume; current volume, later

@@ -34,21 +34,8 @@ from cortet.folding.elements import (
     stress_elements,
     weigh_elements,
 )
-from cortet.folding.law import (
-    dot,
-    fast,
-    grown_volume,
-    growth_share,
-    inlined,
-    may_be_degenerate,
-    own_growth,
-    vector,
-)
-from cortet.folding.patches import (
-    SIZE,
-    Patches,
-    patches_of,
-)
+from cortet.folding.law import dot, fast, grown_volume, growth_share, inlined, may_be_degenerate, own_growth, vector
+from cortet.folding.patches import SIZE, Patches, patches_of
 from cortet.folding.smoothing import (
     PER_ELEMENT,
     Edges,

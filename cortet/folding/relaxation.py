@@ -22,29 +22,9 @@ from typing import Literal, NamedTuple
 import numba
 import numpy as np
 
-from cortet.folding.elements import (
-    ALPHA,
-    BETA,
-    CURRENT,
-    EDGES,
-    SHARE,
-    SMOOTHED,
-    at,
-    grow_elements,
-    put,
-    tensor,
-)
+from cortet.folding.elements import ALPHA, BETA, CURRENT, EDGES, SHARE, SMOOTHED, at, grow_elements, put, tensor
 from cortet.folding.kernels import Work
-from cortet.folding.law import (
-    combined,
-    cross,
-    dot,
-    fast,
-    grown_gradients,
-    inlined,
-    inverse_cube_root,
-    scaled,
-)
+from cortet.folding.law import combined, cross, dot, fast, grown_gradients, inlined, inverse_cube_root, scaled
 from cortet.folding.patches import ISOTROPIC, NORMAL, SIZE, Patches
 from cortet.folding.smoothing import PER_ELEMENT, Edges, add_edges
 from cortet.meshes import FloatArray, IntArray

@@ -23,16 +23,7 @@ from cortet.folding.body import (
 )
 from cortet.folding.contact import REFERENCE_PENALTY, Contact, contact_of, listed_at, planes_of
 from cortet.folding.growth import age_of, check_age, time_of
-from cortet.folding.kernels import (
-    DONE,
-    INVERTED,
-    LIST_OUTDATED,
-    Motion,
-    Work,
-    advance,
-    energies,
-    workspace,
-)
+from cortet.folding.kernels import DONE, INVERTED, LIST_OUTDATED, Motion, Work, advance, energies, workspace
 from cortet.folding.measurements import Measurements, shape
 from cortet.folding.medial_wall import Wall, medial_wall
 from cortet.folding.models import (
