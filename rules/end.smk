@@ -43,7 +43,7 @@ onstart:
 
 def end_run(after):
     """Make what is over all cases, and say what became of them, unless `cortet run` started this and will say it."""
-    if HAD_RESULTS or after == "failure":
+    if not workflow.touch and (HAD_RESULTS or after == "failure"):
         report_what_is_there(after)
     if HELD:
         logger.warning(outcome(with_failures(PLAN), Path(OUT), page="cohort_page" in ASKED))

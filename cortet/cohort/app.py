@@ -346,6 +346,8 @@ def outcome(plan: Plan, output: Path, *, page: bool, names: Collection[str] | No
     names : of the cases that the run was asked for; None: all
     """
     states = states_of(plan, names)
+    if not states:
+        return "no case: the sheet includes none"
     counts = Counter(states.values())
     words = ", ".join(f"{counts[state]} {word}" for state, word in _IN_WORDS.items() if counts[state])
     files = " ".join(f"*Solver_{end}" for end, form in EXPORTED.items() if form in plan.config.export.formats)

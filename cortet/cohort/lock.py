@@ -61,7 +61,11 @@ def require_free(folder: Path) -> None:
 def is_held_by_parent(folder: Path) -> bool:
     """Whether the process that started this one holds the lock of a folder."""
     with contextlib.suppress(OSError), (folder / NAME).open(encoding="utf-8") as file:
-        return file.read().startswith(f"{_owner(os.getppid())},")
+        if file.read().startswith(f"{_owner(os.getppid())},"):
+            try:
+                fcntl.lockf(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except OSError:
+                return True  # the text alone may be that of an earlier process with this number
     return False
 
 

@@ -7,6 +7,8 @@ of VTK that it cannot read PyVista writes anew for it, in a process of its own, 
 
 from __future__ import annotations
 
+import contextlib
+import io
 import logging
 import re
 import sys
@@ -48,8 +50,8 @@ _REMEDY = "save it as VTU, tetrahedra of four nodes alone: ParaView, or meshio.w
 _LINES = re.MULTILINE | re.IGNORECASE
 #: lines of Abaqus that add nodes, elements or members of sets, and of which meshio makes something else
 _UNREAD = re.compile(
-    rb"^\*(?:(?:NGEN|NFILL|NCOPY|NMAP|ELGEN|ELCOPY|SYSTEM)\b|NODE\b[^\n]*\bSYSTEM\s*=\s*[^R\s]|NSET[^\n]*\n\s*[A-Z])"
-    rb"[^\n]*",
+    rb"^\*(?:(?:INCLUDE|NGEN|NFILL|NCOPY|NMAP|ELGEN|ELCOPY|SYSTEM)\b|NODE\b[^\n]*\bSYSTEM\s*=\s*[^R\s]|"
+    rb"(?:N|EL)SET[^\n]*\n\s*[A-Z]|INSTANCE\b[^\n]*\n\s*[-+.\d])[^\n]*",
     _LINES,
 )
 #: lines of which a file may have one: more are several parts, or nodes that take the place of earlier ones
@@ -57,6 +59,13 @@ _ONCE = (rb"^\*NODE\s*(?:,|\r?$)", rb"^\*PART\b", rb"^\*INSTANCE\b")
 _BY_VTK = "import sys, pyvista; pyvista.read(sys.argv[1]).save(sys.argv[2])"
 #: names of regions in comments of cortet: Nastran, Abaqus
 _NAMED = re.compile(rb"^(?:\$ property|\*\* region) (\d{1,8}): (\S.*?)\s*$", re.MULTILINE)
+#: lines that meshio takes for the end of a block
+_COMMENTS = re.compile(rb"^\*\*[^\n]*(?:\n|\Z)", re.MULTILINE)
+#: cards of Nastran that meshio does not follow: nodes of other files, or in other coordinate systems
+_ELSEWHERE = re.compile(rb"^(?:INCLUDE\b|CORD[12][RCS]\b)[^\n]*", _LINES)
+#: blocks of Gmsh whose rows meshio takes in the order of the file, whatever their numbers
+_NODE_DATA = re.compile(rb"\$NodeData\s(.*?)\$EndNodeData", re.DOTALL)
+_NODES = re.compile(rb"\$Nodes\s(.*?)\$EndNodes", re.DOTALL)
 _ELEMENT_DATA = re.compile(rb"\$ElementData\s.*?\$EndElementData\s", re.DOTALL)
 
 
@@ -107,17 +116,25 @@ def _read(path: Path) -> Any:
     """What meshio finds in a file, after a check that it misses nothing."""
     if path.suffix in (".vtu", ".vtk"):
         try:
-            return READERS[path.suffix](str(path))
+            return _of_all_types(path, path)
+        except InputError:
+            raise
         except Exception:  # of all that VTK writes, meshio reads a part
             return _of_vtk(path)
     text = content(path)
     if path.suffix == ".inp":
         _require_plain(text, path)
+        return _without_comments(text, path)
     if path.suffix == ".xdmf":
         for name in sorted({*re.findall(rb"([^\s/>]+\.h5):", text)}):
             check_file(path.with_name(name.decode("utf-8", "replace")))
     if path.suffix == ".bdf" and not 0 <= text.find(b"BEGIN BULK") < text.find(b"\nENDDATA"):
         raise DamagedFileError("does not hold bulk data from BEGIN BULK to ENDDATA", file=path)
+    if path.suffix == ".bdf" and (card := _ELSEWHERE.search(text)):
+        what = f"holds what is not read: {card[0].decode('ascii', 'replace').strip()}"
+        raise InputError(what, file=path, remedy=_REMEDY)
+    if path.suffix == ".msh":
+        _require_rising(text, path)
     if path.suffix == ".msh" and text.startswith(b"$MeshFormat\n2") and _ELEMENT_DATA.search(text):
         return _without_element_data(text, path)
     found = READERS[path.suffix](str(path))
@@ -125,9 +142,44 @@ def _read(path: Path) -> Any:
     if path.suffix == ".bdf":
         solids = _of("tetra", found, found.cell_data["nastran:ref"])
         found.field_data = {name: [tag, 3 if tag in solids else 2] for name, tag in named.items()}
-    if path.suffix == ".inp":
-        found.field_data = {name: [tag, 3] for name, tag in named.items()}
     return found
+
+
+def _of_all_types(file: Path, path: Path) -> Any:
+    """What meshio finds in a file of VTK.
+
+    Raises
+    ------
+    InputError : it leaves out cells, of which it only warns
+    """
+    with contextlib.redirect_stderr(io.StringIO()) as said:
+        found = READERS[file.suffix](str(file))
+    if left := re.search(r"cannot handle \((type \d+)\)", " ".join(said.getvalue().split())):
+        raise InputError(f"holds cells of {left[1]} of VTK, which are not read", file=path, remedy=_REMEDY)
+    return found
+
+
+def _without_comments(text: bytes, path: Path) -> Any:
+    """What meshio finds in an Abaqus file without its comments; those of cortet name regions."""
+    with TemporaryDirectory(prefix="cortet-inp-") as folder:
+        (plain := Path(folder) / path.name).write_bytes(_COMMENTS.sub(b"", text))
+        found = meshio.abaqus.read(str(plain))
+    found.field_data = {name.decode("ascii", "replace"): [int(tag), 3] for tag, name in _NAMED.findall(text)}
+    return found
+
+
+def _require_rising(text: bytes, path: Path) -> None:
+    """Raise InputError for fields of nodes in a Gmsh file in text whose rows are not in the order of the nodes."""
+    blocks = _NODE_DATA.findall(text)
+    if not blocks or (nodes := _NODES.search(text)) is None:
+        return
+    rows = [line.split() for line in nodes[1].splitlines()]
+    numbers = [int(row[0]) for row in rows[1:] if len(row) == (4 if text.startswith(b"$MeshFormat\n2") else 1)]
+    for block in blocks:
+        values = [int(line.split()[0]) for line in block.splitlines() if re.match(rb"\d+\s+[-+.\d]", line)]
+        if values != numbers[: len(values)]:
+            what = "holds fields of nodes in another order than its nodes"
+            raise InputError(what, file=path, remedy="save it with Gmsh anew, or as VTU")
 
 
 def _of_vtk(path: Path) -> Any:
@@ -138,7 +190,7 @@ def _of_vtk(path: Path) -> Any:
         if done.returncode or "ERR|" in done.stderr or not again.exists():
             said = (done.stderr.strip().splitlines() or ["VTK broke down"])[-1]
             raise InputError(f"cannot be read by PyVista ({said})", file=path, remedy=_REMEDY)
-        return meshio.vtu.read(str(again))
+        return _of_all_types(again, path)
 
 
 def _require_plain(text: bytes, path: Path) -> None:

@@ -19,7 +19,7 @@ _BEGINS = {
     ".obj": re.compile(rb"[^\0<]*?^v[ \t]+[-+.\d]", re.MULTILINE),
 }
 #: headers, without which meshio 5.3 would read on for ever
-_HEADER = {".ply": re.compile(rb"\nend_header\s"), ".off": re.compile(rb"OFF\s+(?:#[^\n]*\s+)*\d+ \d+ \d+\s")}
+_HEADER = {".ply": re.compile(rb"\nend_header\s"), ".off": re.compile(rb"OFF\s+(?:#[^\n]*\s+)*(\d+) (\d+) \d+\s")}
 #: another name of the list of corners in PLY, which meshio does not know
 _CORNERS = re.compile(rb"(property list \w+ \w+ )vertex_index\s")
 _DECLARED = re.compile(rb"element (vertex|face) (\d+)")
@@ -41,8 +41,12 @@ def read(path: Path) -> TriSurface:
     declared = dict(_DECLARED.findall(data[: header.start()])) if header and kind == ".ply" else {}
     if (kind in _HEADER and not header) or any(int(count) > len(data) for count in declared.values()):
         raise InputError(f"is no complete {kind[1:].upper()} surface in text or binary", file=path, remedy=_REMEDY)
+    if header and kind == ".off":
+        rows = [line for line in data[header.end() :].splitlines() if line.strip() and not line.startswith(b"#")]
+        if len(rows) != int(header[1]) + int(header[2]):
+            raise InputError("is no OFF surface: more or fewer lines than it declares", file=path, remedy=_REMEDY)
     if kind == ".obj":  # meshio takes normals and textures for fields, one for each vertex
-        data = b"\n".join(line for line in data.splitlines() if line.startswith((b"v ", b"f ")))
+        data = b"\n".join(line for line in data.splitlines() if line.split()[:1] in ([b"v"], [b"f"]))
     with TemporaryDirectory(prefix="cortet-surface-") as folder:
         (unpacked := Path(folder) / f"surface{kind}").write_bytes(_CORNERS.sub(rb"\1vertex_indices\n", data, 1))
         try:
@@ -50,7 +54,7 @@ def read(path: Path) -> TriSurface:
             points = np.asarray(found.points, float)[:, :3]
             corners = [block.data for block in found.cells if block.type == "triangle"]
         except Exception as error:  # whatever meshio raises
-            what = f"is not a {kind[1:].upper()} surface that meshio reads ({type(error).__name__}: {error})"
+            what = f"is no {kind[1:].upper()} surface that meshio reads ({type(error).__name__}: {error})"
             raise InputError(what, file=path, remedy=_REMEDY) from error
     if len(corners) < len(found.cells):
         raise InputError("has faces that are not triangles", file=path, remedy=_REMEDY)

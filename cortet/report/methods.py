@@ -110,7 +110,7 @@ def _for_readers(reason: str) -> str:
     """A reason without folders of this machine and without the text of an unexpected exception."""
     if re.match(r"[A-Za-z_.]*(Error|Exception|Exit)\b", reason):
         return "an unexpected error"
-    return re.sub(r"(?:~|\.{1,2})?(?:/[^\s/:;,()]+)*/([^\s/:;,()]+)", r"\1", reason)
+    return re.sub(r"[^\s:;,()]*/([^\s/:;,()]+)", r"\1", reason)
 
 
 def _outcome(certificates: Sequence[Certificate]) -> list[str]:
