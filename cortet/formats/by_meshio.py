@@ -63,7 +63,8 @@ _NAMED = re.compile(rb"^(?:\$ property|\*\* region) (\d{1,8}): (\S.*?)\s*$", re.
 _COMMENTS = re.compile(rb"^\*\*[^\n]*(?:\n|\Z)", re.MULTILINE)
 #: cards of Nastran that meshio does not follow: nodes of other files, or in other coordinate systems
 _ELSEWHERE = re.compile(rb"^(?:INCLUDE\b|CORD[12][RCS]\b)[^\n]*", _LINES)
-#: blocks of Gmsh whose rows meshio takes in the order of the file, whatever their numbers
+#: blocks of Gmsh, in text, whose rows meshio takes in the order of the file, whatever their numbers
+_IN_TEXT = re.compile(rb"\$MeshFormat\s+[24]\S* 0 ")
 _NODE_DATA = re.compile(rb"\$NodeData\s(.*?)\$EndNodeData", re.DOTALL)
 _NODES = re.compile(rb"\$Nodes\s(.*?)\$EndNodes", re.DOTALL)
 _ELEMENT_DATA = re.compile(rb"\$ElementData\s.*?\$EndElementData\s", re.DOTALL)
@@ -170,7 +171,7 @@ def _without_comments(text: bytes, path: Path) -> Any:
 
 def _require_rising(text: bytes, path: Path) -> None:
     """Raise InputError for fields of nodes in a Gmsh file in text whose rows are not in the order of the nodes."""
-    blocks = _NODE_DATA.findall(text)
+    blocks = _NODE_DATA.findall(text) if _IN_TEXT.match(text) else []
     if not blocks or (nodes := _NODES.search(text)) is None:
         return
     rows = [line.split() for line in nodes[1].splitlines()]

@@ -236,14 +236,17 @@ def test_blocks_of_elements_have_their_own_sets(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "lines",
     [
+        "*INCLUDE, INPUT=other.inp",
         "*NFILL\nx0, x1, 3",
         "*NODE, SYSTEM=C\n900, 1, 2, 3",
         "*SYSTEM\n0, 0, 0, 1, 1, 1",
         "*NODE\n900, 1, 2, 3",
         "*NSET, NSET=a\ncortical_surface",
+        "*ELSET, ELSET=a\nall_elements",
         "*ELEMENT, TYPE=C3D4, ELSET=all_elements\n900, 1, 2, 3, 4",
         "*PART, NAME=a\n*END PART\n*PART, NAME=b\n*END PART",
         "*INSTANCE, NAME=a\n*END INSTANCE\n*INSTANCE, NAME=b\n*END INSTANCE",
+        "*INSTANCE, NAME=a, PART=b\n5., 0., 0.\n*END INSTANCE",
         "*ELEMENT, TYPE=S3\n900, 1, 2, 3, 4",
         "*ELEMENT, TYPE=C3D10\n900, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10",
     ],
@@ -257,3 +260,43 @@ def test_what_meshio_would_miss_or_take_for_something_else_is_refused(tmp_path: 
 def test_the_parts_of_a_step_do_not_matter(tmp_path: Path) -> None:
     mesh = rewritten(tmp_path / "m.inp", "*NODE PRINT, NSET=all_nodes\nU\n*NODE FILE\nU")
     assert np.array_equal(mesh.cells, CUBE.cells)
+
+
+def test_a_comment_within_a_block_of_abaqus_does_not_end_it(tmp_path: Path) -> None:
+    FORMATS["abaqus"].write(CUBE, tmp_path / "m.inp")
+    text = (tmp_path / "m.inp").read_text()
+    assert text.count("\n9, ") > 1
+    (tmp_path / "m.inp").write_text(text.replace("\n9, ", "\n** half of them\n9, "))
+    mesh = read_mesh(tmp_path / "m.inp")
+    assert np.array_equal(mesh.cells, CUBE.cells) and np.allclose(mesh.points, CUBE.points)
+
+
+# --- other formats of which meshio reads a part
+
+
+@pytest.mark.parametrize("suffix", [".vtu", ".vtk"])
+def test_cells_of_vtk_that_meshio_leaves_out_are_refused(tmp_path: Path, suffix: str) -> None:
+    kinds = np.repeat([pyvista.CellType.TETRA, pyvista.CellType.VOXEL], [len(CUBE.cells), 1])
+    cells = np.concatenate([np.column_stack([np.full(48, 4), CUBE.cells]).ravel(), [8, *range(8)]])
+    pyvista.UnstructuredGrid(cells, kinds, CUBE.points).save(tmp_path / f"x{suffix}")
+    assert "type 11" in refused(tmp_path / f"x{suffix}")
+
+
+@pytest.mark.parametrize("card", ["INCLUDE 'other.bdf'", "CORD2R,1,0,5.,0.,0.,5.,0.,1.\n+,6.,0.,0."])
+def test_nodes_of_nastran_that_are_elsewhere_are_refused(tmp_path: Path, card: str) -> None:
+    FORMATS["nastran"].write(CUBE, tmp_path / "m.bdf")
+    text = (tmp_path / "m.bdf").read_text()
+    (tmp_path / "m.bdf").write_text(text.replace("BEGIN BULK\n", f"BEGIN BULK\n{card}\n"))
+    assert card[:7] in refused(tmp_path / "m.bdf")
+
+
+def test_fields_of_nodes_of_gmsh_in_another_order_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "m.msh"
+    meshio.write(path, meshio.Mesh(CUBE.points, [("tetra", CUBE.cells)]), file_format="gmsh22", binary=False)
+    text = path.read_text()
+    rows = [f"{node + 1} {node}.5" for node in range(27)]
+    head = '$NodeData\n1\n"depth"\n1\n0.0\n3\n0\n1\n27\n'
+    path.write_text("\n".join([text + head + rows[0], *rows[1:], "$EndNodeData\n"]))
+    assert np.array_equal(read_mesh(path).point_data["depth"], np.arange(27) + 0.5)
+    path.write_text("\n".join([text + head + rows[-1], *rows[-2::-1], "$EndNodeData\n"]))
+    assert "another order" in refused(path)

@@ -108,6 +108,7 @@ PLY += b"property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0
         (b"v 0 0 0\nv 1 0 x\nf 1 2 1\n", "OBJ"),
         (b"v 0 0 0\n", "no vertices or no triangles"),
         (b"OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "OFF"),
+        (b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 2 1\n", "more or fewer lines"),
         (b"OFF\n", "OFF"),
         (OFF.replace(b"OFF", b"4OFF"), "OFF"),
         (OFF.replace(b"OFF", b"COFF"), "OFF"),

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from cortet.cohort.lock import NAME, hold, require_free
+from cortet.cohort.lock import NAME, hold, is_held_by_parent, require_free
 from cortet.errors import InputError
 
 HOLD = """
@@ -57,3 +58,11 @@ def test_asking_whether_a_folder_is_free_writes_nothing(tmp_path: Path) -> None:
     require_free(tmp_path / "new")
     require_free(tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_the_text_of_a_lock_that_nobody_holds_counts_for_nothing(tmp_path: Path) -> None:
+    text = f"process {os.getppid()} on {socket.gethostname()}, started in /somewhere"
+    (tmp_path / NAME).write_text(text)
+    assert not is_held_by_parent(tmp_path)
+    require_free(tmp_path)
+    assert (tmp_path / NAME).read_text() == text

@@ -73,6 +73,8 @@ def test_it_names_what_was_left_out_and_why(records: list[dict[str, Any]]) -> No
     assert "1 surface had been excluded: sub-03_hemi-L (motion)." in text
     assert "1 surface could not be meshed: sub-02 (open surface)." in text
     assert "No surface was excluded." in methods_text(records, CASES[:3], {})
+    text = methods_text(records, CASES, {"sub-02": "derivatives/cortet/sub-02/b.vtu: is not closed"})
+    assert "sub-02 (b.vtu: is not closed)" in text
 
 
 def test_it_gives_the_parameters_of_each_stage_that_ran(records: list[dict[str, Any]]) -> None:
