@@ -31,15 +31,6 @@ from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
 
 logger = logging.getLogger(__name__)
 
-#: end of a file's name -> what reads it
-READERS = {
-    ".vtu": meshio.vtu.read,
-    ".vtk": meshio.vtk.read,
-    ".msh": meshio.gmsh.read,
-    ".inp": meshio.abaqus.read,
-    ".bdf": meshio.nastran.read,
-    ".xdmf": meshio.xdmf.read,
-}
 #: cells of surfaces, lines and points, which may accompany tetrahedra
 _FLAT = {"vertex", "line", "line3", "triangle", "triangle6", "quad", "quad8", "quad9"}
 #: arrays of numbers of regions or of parts of the surface, by what writes them
@@ -79,9 +70,9 @@ def read(path: Path) -> TetMesh:
     """
     check_file(path)
     try:
-        found, faces = _read(path), {}
+        found, faces = READERS[path.suffix](path), {}
         if path.suffix == ".xdmf" and (beside := path.with_name(f"{path.stem}_facets.xdmf")).is_file():
-            faces = _faces(_read(beside), len(found.points), path)
+            faces = _faces(_read_xdmf(beside), len(found.points), path)
     except InputError:
         raise
     except Exception as error:  # whatever meshio raises for a file that is damaged or holds something else
@@ -113,37 +104,66 @@ def read(path: Path) -> TetMesh:
     return replace(mesh, sets=sets if number is None else with_names(sets, number, names))
 
 
-def _read(path: Path) -> Any:
-    """What meshio finds in a file, after a check that it misses nothing."""
-    if path.suffix in (".vtu", ".vtk"):
-        try:
-            return _of_all_types(path, path)
-        except InputError:
-            raise
-        except Exception:  # of all that VTK writes, meshio reads a part
-            return _of_vtk(path)
+def _read_vtk(path: Path) -> Any:
+    try:
+        return _of_all_types(path, path)
+    except InputError:
+        raise
+    except Exception:  # of all that VTK writes, meshio reads a part
+        return _of_vtk(path)
+
+
+def _read_abaqus(path: Path) -> Any:
     text = content(path)
-    if path.suffix == ".inp":
-        _require_plain(text, path)
-        return _without_comments(text, path)
-    if path.suffix == ".xdmf":
-        for name in sorted({*re.findall(rb"([^\s/>]+\.h5):", text)}):
-            check_file(path.with_name(name.decode("utf-8", "replace")))
-    if path.suffix == ".bdf" and not 0 <= text.find(b"BEGIN BULK") < text.find(b"\nENDDATA"):
+    _require_plain(text, path)
+    with TemporaryDirectory(prefix="cortet-inp-") as folder:
+        (plain := Path(folder) / path.name).write_bytes(_COMMENTS.sub(b"", text))
+        found = meshio.abaqus.read(str(plain))
+    found.field_data = {name: [tag, 3] for name, tag in _named(text).items()}
+    return found
+
+
+def _read_nastran(path: Path) -> Any:
+    text = content(path)
+    if not 0 <= text.find(b"BEGIN BULK") < text.find(b"\nENDDATA"):
         raise DamagedFileError("does not hold bulk data from BEGIN BULK to ENDDATA", file=path)
-    if path.suffix == ".bdf" and (card := _ELSEWHERE.search(text)):
+    if card := _ELSEWHERE.search(text):
         what = f"holds what is not read: {card[0].decode('ascii', 'replace').strip()}"
         raise InputError(what, file=path, remedy=_REMEDY)
-    if path.suffix == ".msh":
-        _require_rising(text, path)
-    if path.suffix == ".msh" and text.startswith(b"$MeshFormat\n2") and _ELEMENT_DATA.search(text):
-        return _without_element_data(text, path)
-    found = READERS[path.suffix](str(path))
-    named = {name.decode("ascii", "replace"): int(tag) for tag, name in _NAMED.findall(text)}
-    if path.suffix == ".bdf":
-        solids = _of("tetra", found, found.cell_data["nastran:ref"])
-        found.field_data = {name: [tag, 3 if tag in solids else 2] for name, tag in named.items()}
+    found = meshio.nastran.read(str(path))
+    solids = _of("tetra", found, found.cell_data["nastran:ref"])
+    found.field_data = {name: [tag, 3 if tag in solids else 2] for name, tag in _named(text).items()}
     return found
+
+
+def _read_gmsh(path: Path) -> Any:
+    text = content(path)
+    _require_rising(text, path)
+    if text.startswith(b"$MeshFormat\n2") and _ELEMENT_DATA.search(text):
+        return _without_element_data(text, path)
+    return meshio.gmsh.read(str(path))
+
+
+def _read_xdmf(path: Path) -> Any:
+    for name in sorted({*re.findall(rb"([^\s/>]+\.h5):", content(path))}):
+        check_file(path.with_name(name.decode("utf-8", "replace")))
+    return meshio.xdmf.read(str(path))
+
+
+#: end of a file's name -> what meshio finds in it, after a check that it misses nothing
+READERS = {
+    ".vtu": _read_vtk,
+    ".vtk": _read_vtk,
+    ".msh": _read_gmsh,
+    ".inp": _read_abaqus,
+    ".bdf": _read_nastran,
+    ".xdmf": _read_xdmf,
+}
+
+
+def _named(text: bytes) -> dict[str, int]:
+    """Name -> number of each region that a comment of cortet names."""
+    return {name.decode("ascii", "replace"): int(tag) for tag, name in _NAMED.findall(text)}
 
 
 def _of_all_types(file: Path, path: Path) -> Any:
@@ -153,19 +173,11 @@ def _of_all_types(file: Path, path: Path) -> Any:
     ------
     InputError : it leaves out cells, of which it only warns
     """
+    read_file = meshio.vtk.read if file.suffix == ".vtk" else meshio.vtu.read
     with contextlib.redirect_stderr(io.StringIO()) as said:
-        found = READERS[file.suffix](str(file))
+        found = read_file(str(file))
     if left := re.search(r"cannot handle \((type \d+)\)", " ".join(said.getvalue().split())):
         raise InputError(f"holds cells of {left[1]} of VTK, which are not read", file=path, remedy=_REMEDY)
-    return found
-
-
-def _without_comments(text: bytes, path: Path) -> Any:
-    """What meshio finds in an Abaqus file without its comments; those of cortet name regions."""
-    with TemporaryDirectory(prefix="cortet-inp-") as folder:
-        (plain := Path(folder) / path.name).write_bytes(_COMMENTS.sub(b"", text))
-        found = meshio.abaqus.read(str(plain))
-    found.field_data = {name.decode("ascii", "replace"): [int(tag), 3] for tag, name in _NAMED.findall(text)}
     return found
 
 
