@@ -69,7 +69,6 @@ COMMANDS = {
     ],
     "convert": [Command("x.vtu OUT", suffix) for suffix in (".inp", ".pts", ".vtu", ".surf.gii")],
     "quadratic": [Command("x.vtu x.surf.gii -o OUT", ".inp")],
-    "job": [Command("x.inp -o DIR")],
     "project": [Command("x.vtu --mesh x.vtu --surface x.surf.gii -o OUT", ".func.gii")],
     "picture": [Command("x.vtu -o OUT", ".png")],
     "fold": [Command("x.vtu --ga 30 --end 30.001 --real 30=x.surf.gii --config settings.yaml -o DIR")],
@@ -281,15 +280,6 @@ def test_a_repair_with_a_picture_is_done_twice(meshed: Path, monkeypatch: pytest
         assert run("repair a.surf.gii -o r.surf.gii --picture r.png", meshed, monkeypatch) == 0
 
 
-def test_a_file_of_a_job_that_was_edited_is_kept(meshed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert run("convert x.vtu x.inp", meshed, monkeypatch) == 0
-    for _ in range(2):
-        assert run("job x.inp -o j", meshed, monkeypatch) == 0
-    (meshed / "j/job.inp").write_text("edited")
-    assert run("job x.inp -o j", meshed, monkeypatch) == 1 and (meshed / "j/job.inp").read_text() == "edited"
-    assert run("job x.inp -o j --force", meshed, monkeypatch) == 0
-
-
 def test_two_outputs_of_one_name_are_refused(meshed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert run(
         "mesh a.surf.gii --cell-size 5 -o y.vtu --page ../*/y.vtu".replace("*", meshed.name), meshed, monkeypatch
@@ -355,13 +345,6 @@ def test_a_working_folder_of_others_is_left_alone(
     if name == "config.yaml":  # once is enough: Snakemake plans
         for _ in range(2):
             assert run(words + "fresh", tmp_path, monkeypatch) == 0
-
-
-def test_a_job_is_not_written_into_the_output_of_a_workflow(meshed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (meshed / "out/.cortet").mkdir(parents=True)
-    (meshed / "out/job.inp").write_text("mine")
-    assert run("job x.vtu -o out", meshed, monkeypatch) == 1
-    assert (meshed / "out/job.inp").read_text() == "mine"
 
 
 @pytest.mark.parametrize(
