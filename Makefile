@@ -20,7 +20,7 @@ cohort: setup ## run the workflow on config.yaml (CORES=2)
 test: ## run the tests, in ten minutes (ARGS="-k quality" for some)
 	@tools/setup.sh test
 	pytest --numprocesses $(CORES) --dist loadfile --no-loadscope-reorder -m "not thorough" $(ARGS)
-	@echo "left out, as they take minutes: $$(grep -rlE '^pytestmark.*thorough' tests | xargs -n 1 basename | xargs); make test-all runs them"
+	@echo "left out, as they take minutes: $$(grep -rl 'mark.thorough' --include='test_*.py' tests | xargs -n 1 basename | xargs); make test-all runs them"
 
 test-all: setup ## run every test, as CI does
 	@tools/setup.sh test

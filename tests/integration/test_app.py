@@ -16,6 +16,8 @@ import pytest
 from cortet.formats.gifti import write_surface
 from tests.integration.study import CONFIG, ROOT, surface
 
+pytestmark = pytest.mark.thorough
+
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -6,9 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from cortet.formats.gifti import write_fields
 from tests.integration.study import STATUS, Study, surface
+
+pytestmark = pytest.mark.thorough
 
 
 def named_right(path: Path) -> None:

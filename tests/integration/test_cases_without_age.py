@@ -6,8 +6,12 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 from cortet.formats.gifti import write_surface
 from tests.integration.study import STATUS, Study, surface
+
+pytestmark = pytest.mark.thorough
 
 
 def test_a_case_without_an_age_runs_beside_one_with_an_age(tmp_path: Path) -> None:

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.thorough
+
 ROOT = Path(__file__).parents[2]
 missing = [name for name in ("buildah", "mmdebstrap") if not shutil.which(name)]
 

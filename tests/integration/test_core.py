@@ -17,6 +17,8 @@ from cortet.neighbours import neighbours
 from tests.integration import loaded_snakemake
 from tests.integration.study import CONFIG, ROOT
 
+pytestmark = pytest.mark.thorough
+
 NAMES = [neighbour.name for neighbour in neighbours()]
 CALLS = """
 import cortet

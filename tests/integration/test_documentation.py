@@ -22,6 +22,8 @@ from cortet.cli import app, commands, main
 from tests.integration.documented import PAGES, ROOT, Block, blocks, coarse, like, make_checkout
 from tests.integration.study import Study
 
+pytestmark = pytest.mark.thorough
+
 BLOCKS = list(blocks())
 #: characters that make a line more than a program and its arguments
 SHELL = re.compile(r"[|&;<>$`*]")

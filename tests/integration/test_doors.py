@@ -20,6 +20,8 @@ from cortet.formats.volumes import write_volume
 from cortet.meshes import TriSurface
 from tests.integration.study import Study, surface
 
+pytestmark = pytest.mark.thorough
+
 #: rows and columns of an image whose voxels are 2 mm, turned and moved
 ASIDE = np.array([100.0, 0, 0])
 AFFINE = np.array([[0, -2.0, 0, 30], [2, 0, 0, -10], [0, 0, 2, 5], [0, 0, 0, 1]])

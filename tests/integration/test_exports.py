@@ -8,10 +8,13 @@ from dataclasses import replace
 import meshio
 import nibabel as nib
 import numpy as np
+import pytest
 
 from cortet.formats import carp, vtu
 from cortet.formats.gifti import read_surface
 from tests.integration.study import Study
+
+pytestmark = pytest.mark.thorough
 
 #: end of the name -> solver
 EXPORTS = {

@@ -22,6 +22,8 @@ from cortet.config import Config, load
 from cortet.formats.gifti import write_surface
 from tests.integration.study import STATUS, Study, is_result, surface
 
+pytestmark = pytest.mark.thorough
+
 SABOTAGE = Path(__file__).parent / "sabotage"
 STAGES = [stage.name for stage in Config().line() if stage.name != "repair"]  # part of the job `gate`
 JOBS = (*STAGES, "certify", "export")

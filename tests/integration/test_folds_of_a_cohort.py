@@ -6,9 +6,12 @@ import csv
 import shutil
 
 import numpy as np
+import pytest
 
 from cortet.formats.gifti import read_surface
 from tests.integration.study import Study, scaled
+
+pytestmark = pytest.mark.thorough
 
 
 def test_all_cases_are_folded_under_every_variant(study: Study) -> None:

@@ -6,11 +6,14 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
 from cortet.meshes import REGION, TriSurface
 from tests.integration.study import STATUS, Study, surface
+
+pytestmark = pytest.mark.thorough
 
 
 def shrunk(one: TriSurface, factor: float) -> TriSurface:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.integration.study import Study, scaled
 from tests.integration.test_reruns import COHORT, FROM_GATE, jobs
+
+pytestmark = pytest.mark.thorough
 
 FROM_GENERATE = FROM_GATE - {"gate", "smooth_surface"}
 

@@ -15,6 +15,8 @@ from cortet.geometry.icosphere import icosphere
 from cortet.meshes import TriSurface
 from tests.integration.study import Study, surface
 
+pytestmark = pytest.mark.thorough
+
 
 @pytest.fixture
 def spheres(study: Study) -> Study:

@@ -18,7 +18,10 @@ PROGRAMS = ("slurmctld", "slurmd", "slurmdbd", "munged", "mariadbd")
 missing = [name for name in PROGRAMS if not shutil.which(name, path=f"{os.environ['PATH']}:/usr/sbin:/sbin")]
 if not find_spec("snakemake_executor_plugin_slurm"):
     missing.append("snakemake-executor-plugin-slurm")
-pytestmark = pytest.mark.skipif(bool(missing), reason=f"not installed: {', '.join(missing)}")
+pytestmark = [
+    pytest.mark.thorough,
+    pytest.mark.skipif(bool(missing), reason=f"not installed: {', '.join(missing)}"),
+]
 
 #: Snakemake that looks at its jobs every second, where the plugin waits ten seconds longer after each look in vain
 IMPATIENT = """

@@ -13,6 +13,8 @@ import pytest
 
 from tests.integration.study import Study, surface, twice
 
+pytestmark = pytest.mark.thorough
+
 SETTINGS = ("cgal", "published")
 REPORT = "derivatives/cortet/cohort/report.zip"
 

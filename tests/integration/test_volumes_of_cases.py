@@ -12,6 +12,8 @@ from cortet.formats.tsv import read_tsv
 from cortet.formats.volumes import write_volume
 from tests.integration.study import Study, surface
 
+pytestmark = pytest.mark.thorough
+
 
 def test_a_volume_of_a_case(study: Study) -> None:
     study.config["export"] = {"formats": ["abaqus"]}

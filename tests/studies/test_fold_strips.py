@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from fold_strips import Wrinkles, critical_growth, material_of, mean_wavelength, strip, theory, wrinkle
 
+pytestmark = pytest.mark.thorough
+
 LENGTH, DEPTH, SPACING = 40.0, 20.0, 1.0
 
 

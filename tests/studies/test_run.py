@@ -10,10 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import yaml
 
 from cortet.formats.gifti import write_fields, write_surface
 from cortet.phantoms import phantom, phantom_with_sphere
+
+pytestmark = pytest.mark.thorough
 
 ROOT = Path(__file__).parents[2]
 FOLD = {"allow_volume": True, "end": 24.3, "thickness": 3.0, "frame_interval": 0.3}

@@ -15,6 +15,8 @@ from shapes import ball_surface
 from cortet.formats.gifti import write_surface
 from cortet.measure.quality import opening_bound
 
+pytestmark = pytest.mark.thorough
+
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 SCRIPTS = [path for path in sorted(FOLDER.glob("*.py")) if "__main__" in path.read_text()]
 #: of those that take seconds on something tiny
