@@ -169,9 +169,10 @@ def _prove_numba() -> str:
 
 
 def _prove_mesher(backend: Literal["cgal", "pygalmesh"]) -> str:
+    from cortet.config.stages import Generate
     from cortet.geometry.topology import enclosed_volume
     from cortet.measure.quality import signed_volumes
-    from cortet.stages.generate import Generate, generate
+    from cortet.stages.generate import generate
 
     ball = _ball()
     mesh, report = generate(ball, Generate(backend=backend), cell_size=5.0, mesher="cgal")

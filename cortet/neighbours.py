@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from cortet.config import Config
     from cortet.report.over_all import Results
     from cortet.report.pages import Panel
-    from cortet.sections import Cost, Section
-    from cortet.stages.stage import Step
 
 _PACKAGE = Path(__file__).parent
 
@@ -54,18 +52,6 @@ class Neighbour:
     rules: Sequence[str] = ()
     #: label of its results on a mesh in names of files
     label: str = ""
-
-    def sections(self) -> Mapping[str, type[Section]]:
-        """Sections of the configuration by their names; `experiments.series` is a section within `experiments`."""
-        return {}
-
-    def steps(self) -> Mapping[str, Step]:
-        """Steps of the workflow that have arguments or a version, by their names."""
-        return {}
-
-    def costs(self) -> Mapping[str, Cost]:
-        """Cost of each of its rules on a case."""
-        return {}
 
     def settings(self, _: Config) -> Iterable[str]:
         """Named settings that are run beside that of the line."""

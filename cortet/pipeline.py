@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 from cortet.config import Config, load
 from cortet.errors import InputError
@@ -27,7 +27,18 @@ from cortet.solver_files.meshed import Origin, certificate_path, meshed_files, r
 from cortet.solver_files.sidecar import sidecar_path
 from cortet.solver_files.volumes import TISSUE_COLUMNS, require_in_place
 from cortet.solver_files.write import write
-from cortet.stages import STAGES
+from cortet.stages import (
+    MESH_STAGES,
+    STAGES,
+    Stage,
+    arguments_of,
+    certify_record,
+    notices,
+    record_of,
+    require_nesting,
+    require_programs,
+    stages_of,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -57,6 +68,23 @@ class Meshed(NamedTuple):
     surface: TriSurface
 
 
+class About(TypedDict, total=False):
+    """What may be known of a surface besides its points: keyword arguments of `run` and `mesh_surface`."""
+
+    #: weeks; without it the published smoothing, whose strength depends on it, is left out
+    gestational_age: float | None
+    #: L or R, which templates of `resample` may name
+    hemisphere: str | None
+    #: file of the surface, named in messages; the certificate identifies it by its hash
+    source: str | Path | None
+    #: likewise of the inner surfaces, by name
+    inner_sources: Mapping[str, str | Path] | None
+    #: of the surface, which is then resampled to the common mesh
+    sphere: TriSurface | None
+    #: file of the sphere, named in messages
+    sphere_source: str | Path | None
+
+
 def stages(
     config: Config, *, gestational_age: float | None, nested: bool = False, registered: bool = False
 ) -> list[str]:
@@ -67,21 +95,11 @@ def stages(
     nested : whether there are inner surfaces
     registered : whether there is a sphere
     """
-    line = config.line(nested=nested, registered=registered, aged=gestational_age is not None)
+    line = stages_of(config, nested=nested, registered=registered, aged=gestational_age is not None)
     return [stage.name for stage in line]
 
 
-def run(
-    surface: TriSurface,
-    config: Config,
-    *,
-    gestational_age: float | None = None,
-    hemisphere: str | None = None,
-    source: str | Path | None = None,
-    inner_sources: Mapping[str, str | Path] | None = None,
-    sphere: TriSurface | None = None,
-    sphere_source: str | Path | None = None,
-) -> Iterator[Step]:
+def run(surface: TriSurface, config: Config, **about: Unpack[About]) -> Iterator[Step]:
     """Run the line and yield every stage when it is complete.
 
     Parameters
@@ -89,12 +107,6 @@ def run(
     surface : as read, with its inner surfaces by the names of the regions inside them; coordinates may be non-finite
         if the line repairs
     config : of the line; the first of its cell sizes and meshers is used
-    gestational_age : weeks; None leaves out the published smoothing, whose strength depends on it
-    hemisphere : L or R, which templates of `resample` may name
-    source : file of the surface, named in messages
-    inner_sources : likewise of the inner surfaces, by name
-    sphere : of the surface, which is then resampled to the common mesh
-    sphere_source : file of the sphere, named in messages
 
     Raises
     ------
@@ -103,59 +115,66 @@ def run(
     StageError
         a stage failed
     """
-    if config.enabled("smooth_surface") and config.smooth_surface.method == "published" and gestational_age is None:
+    age, sphere, source = about.get("gestational_age"), about.get("sphere"), about.get("source")
+    if config.smooth_surface.enabled and config.smooth_surface.method == "published" and age is None:
         logger.warning("no gestational age is given, so the surface is not smoothed")
-    if gestational_age is not None:
-        require_within(gestational_age, SCAN_AGES, "the gestational age in weeks")
-    config.require_programs()
-    for notice in config.notices():
+    if age is not None:
+        require_within(age, SCAN_AGES, "the gestational age in weeks")
+    require_programs(config)
+    for notice in notices(config):
         logger.warning(notice)
-    inner, to_mm = bool(surface.inner), config.placement()
+    to_mm, sphere_file = config.placement(), about.get("sphere_source")
+    surface = placed(surface, to_mm)
+    _require_sizes(surface, config)
+    if surface.inner:
+        require_nesting(config)
     facts = {
-        "source": str(source) if source is not None else None,
-        "gestational_age": gestational_age,
+        "source": None if source is None else str(source),
+        "gestational_age": age,
         "cell_size": config.generate.cell_size[0],
         "mesher": config.generate.meshers[0],
         "placement": to_mm,
-        "nested": inner,
-        "sphere_file": str(sphere_source) if sphere_source is not None else None,
-        "hemisphere": hemisphere,
+        "nested": bool(surface.inner),
+        "sphere_file": None if sphere_file is None else str(sphere_file),
+        "hemisphere": about.get("hemisphere"),
     }
-    surface = placed(surface, to_mm)
-    _require_sizes(surface, config)
-    latest: dict[str, Any] = {"surface": nested(surface, surface.inner), "sphere": sphere}
-    config.require_nesting(inner)
-    names = stages(config, gestational_age=gestational_age, nested=inner, registered=sphere is not None)
-    for stage in map(STAGES.__getitem__, names):
-        taken = [latest[kind] for kind in stage.takes]
+    names = stages(config, gestational_age=age, nested=bool(surface.inner), registered=sphere is not None)
+    given: dict[str, Any] = {"surface": nested(surface, surface.inner), "sphere": sphere}
+    yield from _through([STAGES[name] for name in names], given, config, facts, about.get("inner_sources") or {})
+
+
+def _through(
+    line: Iterable[Stage],
+    latest: dict[str, Any],
+    config: Config,
+    facts: Mapping[str, Any],
+    inner_sources: Mapping[str, str | Path],
+) -> Iterator[Step]:
+    """Take what `latest` holds (surface, sphere, mesh) through some stages, which replace it."""
+    for stage in line:
         began = time.perf_counter()
+        taken = [latest[kind] for kind in stage.takes]
         try:
-            latest[stage.gives], report = stage.run(*taken, **config.arguments(stage.name, facts))
+            latest[stage.gives], report = stage.run(*taken, **arguments_of(config, stage.name, facts))
         except InputError as error:
-            if not stage.nested or error.file is not None or source is None:
+            if not stage.nested or error.file is not None or facts["source"] is None:
                 raise
-            both = " and ".join(map(str, (source, *(inner_sources or {}).values())))  # it compares them
+            both = " and ".join(map(str, (facts["source"], *inner_sources.values())))  # it compares them
             raise InputError(error.what, file=both, remedy=error.remedy) from error
         reported = asdict(report)
-        if stage.alone and inner:
+        if stage.alone and latest["surface"].inner:
             # each inner surface separately
             within, reported["inner"] = {}, {}
             for name, one in latest["surface"].inner.items():
-                own = config.arguments(stage.name, {**facts, "source": str((inner_sources or {}).get(name, name))})
+                own = arguments_of(config, stage.name, {**facts, "source": str(inner_sources.get(name, name))})
                 inside = {"inside": True} if stage.takes_inside else {}
                 within[name], report = stage.run(one, *taken[1:], **own, **inside)
                 reported["inner"][name] = asdict(report)
             latest["surface"] = nested(latest["surface"], within)
         seconds = time.perf_counter() - began
         logger.info("%s: %.1f s", stage.name, seconds)
-        yield Step(
-            stage.name,
-            latest[stage.gives],
-            latest["surface"],
-            config.record(stage.name, facts),
-            reported,
-            seconds,
-        )
+        parameters = record_of(config, stage.name, facts)
+        yield Step(stage.name, latest[stage.gives], latest["surface"], parameters, reported, seconds)
 
 
 def _require_sizes(surface: TriSurface, config: Config) -> None:
@@ -178,32 +197,17 @@ def mesh_surface(
     surface: TriSurface,
     config: Config,
     *,
-    gestational_age: float | None = None,
-    hemisphere: str | None = None,
-    source: str | Path | None = None,
-    inner_sources: Mapping[str, str | Path] | None = None,
-    sphere: TriSurface | None = None,
-    sphere_source: str | Path | None = None,
     case: str = "",
     progress: Callable[[Step], None] = lambda _: None,
+    **about: Unpack[About],
 ) -> Meshed:
     """Mesh one surface and check the mesh.
 
-    Parameters are those of `run`. The certificate of `case` identifies `source` by its hash; `progress` is called after
-    every stage.
+    Parameters are those of `run`. `case` is named in the certificate; `progress` is called after every stage.
     """
-    line = run(
-        surface,
-        config,
-        gestational_age=gestational_age,
-        hemisphere=hemisphere,
-        source=source,
-        inner_sources=inner_sources,
-        sphere=sphere,
-        sphere_source=sphere_source,
-    )
-    native = placed(surface, config.placement())
+    line, native = run(surface, config, **about), placed(surface, config.placement())
     size = config.generate.cell_size[0]
+    source = about.get("source")
     return _certified(line, config, progress, cell_size=size, native=native, case=case, source=source)
 
 
@@ -217,7 +221,7 @@ def _certified(
         parameters[step.stage], reports[step.stage] = step.parameters, step.report
         mesh, surface = step.result, step.surface
     assert isinstance(mesh, TetMesh)  # the line ends with solver_ready
-    parameters["certify"] = config.record("certify", {"cell_size": cell_size})
+    parameters["certify"] = certify_record(config, cell_size)
     certificate = certify(
         mesh, surface, config.certify, cell_size=cell_size, parameters=parameters, reports=reports, **of
     )
@@ -245,31 +249,17 @@ def improve(
     source : file of the surface, whose hash the certificate records
     case : name in the certificate
     progress : called after every stage
-
-    Raises
-    ------
-    InputError, StageError : as `run`
     """
-    config.require_programs()
+    require_programs(config)
     facts = {
         "cell_size": cell_size,
         "source": str(source) if source is not None else None,
         "nested": bool(surface.inner),
     }
-
-    def line() -> Iterator[Step]:
-        latest: dict[str, Any] = {"mesh": mesh, "surface": surface}
-        for stage in config.line(nested=bool(surface.inner), aged=False):
-            if stage.gives == "mesh" and stage.order > STAGES["transfer"].order:
-                began = time.perf_counter()
-                taken = [latest[kind] for kind in stage.takes]
-                latest["mesh"], report = stage.run(*taken, **config.arguments(stage.name, facts))
-                seconds = time.perf_counter() - began
-                yield Step(
-                    stage.name, latest["mesh"], surface, config.record(stage.name, facts), asdict(report), seconds
-                )
-
-    return _certified(line(), config, progress, cell_size=cell_size, case=case, source=source)
+    after_transfer = [*MESH_STAGES][2:]
+    line = [stage for stage in stages_of(config, nested=bool(surface.inner)) if stage.name in after_transfer]
+    steps = _through(line, {"mesh": mesh, "surface": surface}, config, facts, {})
+    return _certified(steps, config, progress, cell_size=cell_size, case=case, source=source)
 
 
 class Companions(NamedTuple):

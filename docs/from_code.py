@@ -28,7 +28,7 @@ from sphinx.util.docutils import SphinxDirective
 
 from cortet.cli import commands
 from cortet.config import SETTINGS, Config
-from cortet.sections import Section
+from cortet.config.section import Section
 from cortet.stages import STAGES, Stage
 
 PACKAGE = Path(__file__).resolve().parents[1] / "cortet"
@@ -84,9 +84,9 @@ class Stages(SphinxDirective):
 def _when(stage: Stage) -> str:
     if stage.nested:
         return "there are inner surfaces"
-    if stage.registered:
+    if "sphere" in stage.takes:
         return "the surface has a sphere"
-    return "always" if Config().section_of(stage).runs(aged=True) else f"`{stage.name}.enabled`"
+    return "always" if stage.section_of(Config()).runs(aged=True) else f"`{stage.name}.enabled`"
 
 
 # --- parameters ------------------------------------------------------------------------------------------------------

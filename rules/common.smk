@@ -24,12 +24,13 @@ from cortet.cohort.lock import require_free
 from cortet.cohort.plan import existing
 from cortet.cohort.resources import cost
 from cortet.cohort.user_files import content
-from cortet.config import keys_not_given, read, version_of
+from cortet.config import keys_not_given, read
 from cortet.errors import CortetError
 from cortet.meshers import OWN
 from cortet.neighbours import neighbours
 from cortet.report.over_all import REPORTED, plan_of, results
-from cortet.stages import STAGES
+from cortet.stages import STAGES, notices
+from cortet.version import version_of
 
 
 def waited_for(rule, **wildcards):
@@ -56,7 +57,7 @@ if DEFAULTS:
     logger.warning(
         f"from config.yaml in {Path.cwd()}, since your own configuration does not say: {'; '.join(DEFAULTS)}"
     )
-for notice in [*CONFIG.notices(), *PLAN.notices(), *(PLAN.edited_exports() if workflow.is_main_process else [])]:
+for notice in [*notices(CONFIG), *PLAN.notices(), *(PLAN.edited_exports() if workflow.is_main_process else [])]:
     logger.warning(notice)
 
 if workflow.is_main_process and (others := made_otherwise(PLAN)):

@@ -32,7 +32,7 @@ rule fold:
     resources:
         **asked("fold"),
     params:
-        arguments=lambda wildcards: PLAN.arguments("fold", wildcards) | FOLDS.variant(wildcards),
+        arguments=FOLDS.arguments,
         version=version_of("folding.fold"),
     script:
         "../scripts/fold.py"

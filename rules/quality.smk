@@ -21,7 +21,7 @@ rule certify:
     resources:
         **asked("certify"),
     params:
-        arguments=partial(PLAN.arguments, "certify"),
+        limits=PLAN.limits,
         version=version_of("measure.certify"),
         input_sha256=PLAN.input_sha256,
         line=derived(PLAN.recorded_line),
@@ -172,7 +172,7 @@ if CONFIG.export.ten_nodes:
         params:
             arguments={"uncertified": CONFIG.export.uncertified},
             version=versions("solver_files.ten_nodes", "solver_files.export"),
-            max_boundary_distance=lambda wildcards: PLAN.arguments("certify", wildcards)["max_boundary_distance"],
+            max_boundary_distance=CONFIG.certify.max_boundary_distance,
             sets=PLAN.sets,
             volumes=derived(lambda wildcards: dict(CASES[wildcards.case].volumes)),
             names_of_volumes=PLAN.names_of_volumes,

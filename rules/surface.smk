@@ -12,7 +12,7 @@ rule phantom:
     resources:
         **asked("phantom"),
     params:
-        arguments=partial(PLAN.arguments, "phantom"),
+        arguments=PLAN.phantom_arguments,
         version=version_of("phantoms"),
     script:
         "../scripts/phantom.py"
@@ -31,7 +31,7 @@ rule phantom_inner:
     resources:
         **asked("phantom_inner"),
     params:
-        arguments=partial(PLAN.arguments, "phantom_inner"),
+        arguments={"thickness": CONFIG.phantom.thickness},
         version=version_of("phantoms"),
     script:
         "../scripts/phantom_inner.py"
@@ -48,7 +48,7 @@ rule phantom_sphere:
     resources:
         **asked("phantom_sphere"),
     params:
-        arguments=partial(PLAN.arguments, "phantom"),
+        arguments=PLAN.phantom_arguments,
         version=version_of("phantoms"),
     script:
         "../scripts/phantom_sphere.py"

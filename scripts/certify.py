@@ -11,11 +11,11 @@ job = start(snakemake)
 
 from cortet.cohort.bids import ABOUT
 from cortet.cohort.user_files import require_same_input
+from cortet.config.sections import Certify
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.formats.placement import placed
 from cortet.measure.certify import certify
-from cortet.measure.limits import Certify
 
 
 def report_of(path: str) -> dict[str, Any]:
@@ -30,12 +30,11 @@ reports = dict(zip(stages, map(report_of, job.input.reports), strict=True))
 for stage, files in {"repair": job.input.inner_repairs, "resample": job.input.inner_resamplings}.items():
     if files:
         reports[stage]["inner"] = dict(zip(job.params.inner, map(report_of, files), strict=True))
-limits, facts = Certify.split(job.arguments)
 certificate = certify(
     vtu.read(job.input.mesh),
     gifti.read_nested(job.input.surface, job.input.inner),
-    limits,
-    **facts,
+    Certify(**job.params.limits),
+    cell_size=int(job.wildcards.res) / 1000,
     native=placed(gifti.read_surface(job.input.source, finite=False), job.params.to_mm),
     case=job.wildcards.case,
     source=job.input.source,

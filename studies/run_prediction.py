@@ -35,7 +35,7 @@ prediction = predict(
     made.mesh,
     snakemake.wildcards.kind,
     folder,
-    settings=Settings(**fold.arguments("fold", facts)),
+    settings=Settings(**fold.fold.values(), **facts),
     say=print,
     **options,
 )

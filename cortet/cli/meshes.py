@@ -145,7 +145,7 @@ def _checked(mesh: TetMesh, surface: TriSurface, file: Path, source: Path, limit
         cell_size=cell_size,
         case=stem_of(file),
         source=source,
-        parameters={"certify": config.arguments("certify", {"cell_size": cell_size})},
+        parameters={"certify": {**config.certify.values(), "cell_size": cell_size}},
     )
 
 
@@ -397,6 +397,7 @@ def project(
     --------
     cortet project result.vtu --mesh lh.vtu -o lh.func.gii
     """
+    from cortet.config.stages import Resample
     from cortet.formats.gifti import hemisphere_of, require_same_hemisphere, write_fields
     from cortet.formats.ownership import may_write
     from cortet.formats.tsv import write_tsv
@@ -405,7 +406,7 @@ def project(
     from cortet.solver_files.results import on_surface, read_result
     from cortet.solver_files.sidecar import read_sidecar
     from cortet.solver_files.surface_map import map_of_file
-    from cortet.stages.resample import Resample, common_sphere
+    from cortet.stages.resample import common_sphere
 
     if (sphere is None) != (template_sphere is None):
         raise InputError("one sphere is missing", remedy="give both --sphere and --template-sphere, or none")

@@ -83,13 +83,13 @@ def gate(
 def _repairable(path: Path, config: Config) -> str:
     """How `cortet mesh` and `cortet repair` would repair a surface that the gate refuses, for the end of a line."""
     from cortet.formats.gifti import read_surface
-    from cortet.stages import STAGES
+    from cortet.stages import STAGES, arguments_of
 
     logging.disable(logging.WARNING)  # because nothing is repaired yet
     try:
         surface = read_surface(path, finite=False)
         for stage in ("repair", "gate"):
-            surface, _ = STAGES[stage].run(surface, **config.arguments(stage, {"source": str(path)}))
+            surface, _ = STAGES[stage].run(surface, **arguments_of(config, stage, {"source": str(path)}))
     except CortetError:
         return ""
     finally:
@@ -194,14 +194,14 @@ def resample(
     from cortet.formats.gifti import read_surface, write_surface
     from cortet.formats.placement import placed
     from cortet.solver_files.fields import with_fields
-    from cortet.stages import STAGES
+    from cortet.stages import STAGES, arguments_of
 
     record = output.with_name(f"{stem_of(output)}.resample.json")
     may_write(record)
     chosen = load(config or {})
     native = placed(with_fields(read_surface(surface), dict(field)), chosen.placement())
     facts = {"sphere_file": str(sphere), "hemisphere": None}
-    made, report = STAGES["resample"].run(native, read_surface(sphere), **chosen.arguments("resample", facts))
+    made, report = STAGES["resample"].run(native, read_surface(sphere), **arguments_of(chosen, "resample", facts))
     with recorded(asdict(report), record) as place:
         write_surface(made, place(output))
     there, back = report.native_to_resampled_mm, report.resampled_to_native_mm

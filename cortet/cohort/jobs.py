@@ -21,7 +21,7 @@ from cortet.config import Config
 from cortet.errors import InputError
 from cortet.formats.volumes import label_table, volume_file
 from cortet.meshes import by_region
-from cortet.stages import STAGES, Stage
+from cortet.stages import STAGES, Stage, arguments_of, certify_record, record_of, stages_of
 
 #: wildcards of a job
 Job = Mapping[str, str]
@@ -118,9 +118,8 @@ class Jobs:
     def line(self, job: Job) -> list[Stage]:
         """The stages of a case in the setting of a job."""
         case = self.case(job)
-        return self.setting(job).line(
-            nested=bool(case.inner), registered=self.is_resampled(job), aged=case.scan_age is not None
-        )
+        aged = case.scan_age is not None
+        return stages_of(self.setting(job), nested=bool(case.inner), registered=self.is_resampled(job), aged=aged)
 
     def is_resampled(self, job: Job) -> bool:
         """Whether the line of a case begins with its resampling onto the common mesh."""
@@ -146,7 +145,7 @@ class Jobs:
         return None if self.is_resampled(job) else self.placement(job)
 
     def facts(self, job: Job) -> dict[str, Any]:
-        """What is known of the surface or mesh of a job, in the form for `Config.arguments`."""
+        """What is known of the surface or mesh of a job, in the form for `cortet.stages.arguments_of`."""
         case = self.case(job)
         facts: dict[str, Any] = {
             "source": self.source(job),
@@ -160,19 +159,24 @@ class Jobs:
             facts |= {"cell_size": int(job["res"]) / 1000, "mesher": job.get("mesher")}
         return facts
 
-    def arguments(self, step: str, job: Job) -> dict[str, Any]:
-        """Keyword arguments of a stage or another step, but for `locations`; with its VERSION they decide whether it
-        runs again.
-        """
-        values = self._config_of(step, job).arguments(step, self._facts_of(step, job))
-        told = step in STAGES and STAGES[step].takes_inside and "inner" in job.keys()  # noqa: SIM118
-        inside = {"inside": True} if told else {}
-        return without_locations(values) | inside
+    def arguments(self, stage: str, job: Job) -> dict[str, Any]:
+        """Keyword arguments of a stage, but for `locations`; with its VERSION they decide whether it runs again."""
+        inside = {"inside": True} if STAGES[stage].takes_inside and "inner" in job.keys() else {}  # noqa: SIM118
+        return without_locations(self._arguments(stage, job)) | inside
 
-    def locations(self, step: str, job: Job) -> dict[str, Any]:
+    def locations(self, stage: str, job: Job) -> dict[str, Any]:
         """The other keyword arguments: names of files for messages and reports."""
-        values = self._config_of(step, job).arguments(step, self._facts_of(step, job))
-        return {key: value for key, value in values.items() if key in _LOCATIONS}
+        return {key: value for key, value in self._arguments(stage, job).items() if key in _LOCATIONS}
+
+    def phantom_arguments(self, job: Job) -> dict[str, Any]:
+        """Keyword arguments of `phantoms.phantom`."""
+        case, section = self.case(job), self.config.phantom
+        of_case = {"gestational_age": case.scan_age, "hemisphere": case.hemi}
+        return {"subdivisions": section.subdivisions, "seed": section.seed, **of_case}
+
+    def limits(self, job: Job) -> dict[str, Any]:
+        """Limits of the certificate of a mesh."""
+        return self.setting(job).certify.values()
 
     def stages_before(self, stage: str, job: Job) -> list[str]:
         """The stages of the line of a job that come before a stage: a job runs again if one is left out or added."""
@@ -181,12 +185,13 @@ class Jobs:
 
     def recorded_line(self, job: Job) -> dict[str, Any]:
         """Arguments and versions of the stages of a setting and of the certificate, for the certificate."""
-        steps = [*(stage.name for stage in self.line(job)), "certify"]
-        return {step: self._config_of(step, job).record(step, self._facts_of(step, job)) for step in steps}
+        stages = [stage.name for stage in self.line(job)]
+        done = {stage: record_of(self._config_of(stage, job), stage, self._facts_of(stage, job)) for stage in stages}
+        return {**done, "certify": certify_record(self.setting(job), int(job["res"]) / 1000)}
 
     def recorded_settings(self, job: Job) -> dict[str, Any]:
         """As `recorded_line`, without names of files: if it changes, a certificate is made again."""
-        return {step: without_locations(arguments) for step, arguments in self.recorded_line(job).items()}
+        return {step: without_locations(recorded) for step, recorded in self.recorded_line(job).items()}
 
     def names_of_fields(self, job: Job) -> list[str]:
         """Names of the fields of a case."""
@@ -196,15 +201,18 @@ class Jobs:
         """Names of the volumes of a case."""
         return list(self.case(job).volumes)
 
-    def _facts_of(self, step: str, job: Job) -> dict[str, Any]:
+    def _arguments(self, stage: str, job: Job) -> dict[str, Any]:
+        return arguments_of(self._config_of(stage, job), stage, self._facts_of(stage, job))
+
+    def _facts_of(self, stage: str, job: Job) -> dict[str, Any]:
         """As `facts`, with a word for an unknown hemisphere, which decides where `resample` goes."""
         facts = self.facts(job)
-        named = {"hemisphere": facts["hemisphere"] or _NO_HEMISPHERE} if step == "resample" else {}
+        named = {"hemisphere": facts["hemisphere"] or _NO_HEMISPHERE} if stage == "resample" else {}
         return facts | named
 
-    def _config_of(self, step: str, job: Job) -> Config:
-        """The configuration for a step; steps that all settings share use that of the line."""
-        return self.config if LABELS.get(step) in SHARED else self.setting(job)
+    def _config_of(self, stage: str, job: Job) -> Config:
+        """The configuration of a stage; those that all settings share use that of the line."""
+        return self.config if LABELS.get(stage) in SHARED else self.setting(job)
 
     def source(self, job: Job) -> str:
         """The user's file of the surface that a job is about."""
@@ -342,15 +350,15 @@ class Jobs:
 
     def _last_of_surface(self, job: Job) -> str:
         """Label of the last stage that changes the surface of a case, or each of its inner ones, by itself."""
-        line = self.config.line(aged=self.case(job).scan_age is not None)
-        return [stage.label for stage in line if stage.gives == "surface"][-1]
+        stages = stages_of(self.config, aged=self.case(job).scan_age is not None)
+        return [stage.label for stage in stages if stage.gives == "surface"][-1]
 
     def mesh_before(self, stage: str) -> Callable[[Job], str]:
         """An input function: the mesh of the last enabled stage before `stage`. A bypassed stage does not occur."""
 
         def file(job: Job) -> str:
             order = list(LABELS)
-            meshes = [other.name for other in self.setting(job).line() if other.gives == "mesh"]
+            meshes = [other.name for other in stages_of(self.setting(job)) if other.gives == "mesh"]
             earlier = [name for name in meshes if order.index(name) < order.index(stage)]
             return filled(self.layout.mesh(LABELS[earlier[-1]]), job)
 

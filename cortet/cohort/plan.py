@@ -14,6 +14,7 @@ from cortet.cohort.layout import EXPORTED, beside, filled
 from cortet.cohort.selection import ageless_notice
 from cortet.formats.ownership import changed_of, files_of
 from cortet.neighbours import neighbours
+from cortet.stages import stages_of
 
 __all__ = ["AFTER_CERTIFICATE", "Plan", "existing"]
 
@@ -35,7 +36,7 @@ class Plan(Jobs):
     def _ageless(self) -> list[str]:
         """What is not done with the cases of unknown age; those that are to be folded by name need one."""
         asked = getattr(getattr(self.config, "fold", None), "cases", None)
-        smoothed = self.config.line() != self.config.line(aged=False)
+        smoothed = stages_of(self.config) != stages_of(self.config, aged=False)
         return ageless_notice([*self.cases.values()], smoothed=smoothed, folded=isinstance(asked, (str, int)))
 
     def _absent_holes(self) -> list[str]:

@@ -8,11 +8,10 @@ depends least on other work of the machine.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from cortet.errors import InputError
 from cortet.meshers import MESHERS
-from cortet.neighbours import neighbours
-from cortet.sections import Cost
-from cortet.stages import STAGES
 
 #: resident memory of Snakemake itself, MB; in a cluster's job it runs twice beside the script
 SNAKEMAKE_MB = 600
@@ -22,9 +21,42 @@ MEMORY_MARGIN, TIME_MARGIN = 1.25, 4.0
 START_MINUTES = 5
 
 
-#: rule -> its cost; rules on surfaces do not depend on tetrahedra. Stages, meshers and neighbours declare their own
-COSTS = {stage.name: stage.cost for stage in STAGES.values() if stage.name != "repair"} | {
+@dataclass(frozen=True)
+class Cost:
+    """What a job takes: a constant, and an amount for every million tetrahedra."""
+
+    #: peak resident memory of the script, MB
+    megabytes: tuple[float, float]
+    #: CPU time of the script, s, including the start of the interpreter
+    seconds: tuple[float, float]
+
+    def memory_mb(self, tets: float) -> float:
+        """Peak resident memory, MB, for a number of tetrahedra."""
+        return _line(self.megabytes, tets)
+
+    def cpu_seconds(self, tets: float) -> float:
+        """CPU time, s, for a number of tetrahedra."""
+        return _line(self.seconds, tets)
+
+
+def _line(coefficients: tuple[float, float], tets: float) -> float:
+    return coefficients[0] + coefficients[1] * tets / 1e6
+
+
+#: rule -> its cost; rules on surfaces do not depend on tetrahedra
+COSTS = {
+    "resample": Cost((700, 0), (15, 0)),
     "gate": Cost((700, 0), (22, 0)),  # repairs, too
+    "smooth_surface": Cost((600, 0), (7, 0)),
+    "separate": Cost((700, 0), (15, 0)),
+    "generate": Cost((330, 550), (5, 370)),
+    "transfer": Cost((230, 125), (2, 3)),
+    "relocate": Cost((310, 260), (4, 55)),
+    "clean": Cost((230, 290), (2, 7)),
+    "reconnect": Cost((240, 420), (4, 9)),
+    "smooth_boundary": Cost((400, 430), (4, 10)),
+    "snap": Cost((400, 430), (4, 10)),
+    "solver_ready": Cost((240, 180), (3, 2)),
     "phantom": Cost((400, 0), (4, 0)),
     "phantom_sphere": Cost((400, 0), (4, 0)),
     "fields": Cost((700, 0), (15, 0)),
@@ -36,8 +68,12 @@ COSTS = {stage.name: stage.cost for stage in STAGES.values() if stage.name != "r
     "volumes": Cost((1500, 900), (20, 70)),
     "export": Cost((270, 170), (3, 5)),
     "ten_nodes": Cost((400, 1500), (4, 30)),
+    "fold": Cost((500, 1200), (90, 4000)),
+    "fold_figures": Cost((500, 800), (60, 120)),
+    "folded_surface": Cost((500, 1500), (30, 120)),
 }
-COSTS |= {rule: cost for neighbour in neighbours() for rule, cost in neighbour.costs().items()}
+#: of S1 by our mesher; that of `COSTS` holds for the others
+LATTICE = Cost((250, 520), (8, 20))
 
 #: largest volume of one human hemisphere at any age, mL
 LARGEST_HEMISPHERE_ML = 700.0
@@ -77,8 +113,9 @@ def cost(rule: str, mesher: str | None = None) -> Cost:
     InputError
         the cost of the rule is not known
     """
-    own = MESHERS[mesher].cost if mesher and rule == "generate" else None
-    found = own or COSTS.get(rule) or COSTS.get(rule.removesuffix("_inner"))
+    if rule == "generate" and mesher == "lattice":
+        return LATTICE
+    found = COSTS.get(rule) or COSTS.get(rule.removesuffix("_inner"))
     if found is None:
         raise InputError(
             f"the cost of rule `{rule}` is not known", remedy="add it to COSTS in cortet/cohort/resources.py"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from cortet.cohort.sheet import MISSING, NO, YES, Case
+from cortet.config.section import Cases
 from cortet.errors import InputError
-from cortet.sections import Cases
 
 #: most names of cases that a message lists
 _MOST_NAMES = 5

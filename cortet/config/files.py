@@ -15,10 +15,10 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from cortet.config.model import Config
+from cortet.config.section import Section
 from cortet.config.settings import SETTINGS
 from cortet.errors import InputError
 from cortet.formats.untrusted import content
-from cortet.sections import Section
 
 
 def load(source: Path | str | Mapping[str, Any]) -> Config:

@@ -4,7 +4,3 @@ F = Fe Fv Fg on tetrahedra that bend, integrated explicitly (Tallinen et al., Na
 BrainGrowth solver). `body` makes the reference state of a mesh. `kernels` steps it in time. `contact` keeps its surface
 from passing through itself. `fold` runs from one gestational age to another. `cortet.folding.fold_figures` draws it.
 """
-
-#: gestational ages at which a fold may begin and end, weeks: its time scale is a fit to 22 to 44 weeks; before 20 a
-#: brain is smooth, and before 15 the fit gives negative growth
-AGES = (20.0, 60.0)

@@ -16,8 +16,7 @@ from cortet.api.given import Later, SurfaceLike, require_hemisphere, surface
 from cortet.api.meshing import Mesh, image, say, tetrahedra
 from cortet.config import load
 from cortet.errors import InputError, short_traceback
-from cortet.folding import AGES
-from cortet.geometry.limits import require_within
+from cortet.geometry.limits import FOLD_AGES, require_within
 from cortet.meshes import TetMesh, region_names
 
 if TYPE_CHECKING:
@@ -159,7 +158,7 @@ def fold(
 
     require_hemisphere(hemi)
     if ga is not None:
-        require_within(ga, AGES, "the gestational age in weeks")
+        require_within(ga, FOLD_AGES, "the gestational age in weeks")
     mesh = tetrahedra(made)
     if isinstance(made, Mesh):
         refuse_shell(region_names(made.surface.inner))
@@ -173,7 +172,7 @@ def fold(
     place = Path(keeper.name if keeper else folder or "")
     if place.exists() and not place.is_dir():
         raise InputError("is a file", file=place, remedy="give the name of a folder")
-    values = load({"fold": settings}).arguments("fold", {"gestational_age": ga, "hemisphere": hemi})
+    values = {**load({"fold": settings}).fold.values(), "gestational_age": ga, "hemisphere": hemi}
     speak = progress if callable(progress) else per_percent(say)
     regions = (*values["core_regions"], *values["region_stiffness"], *values["region_relaxation"])
     if isinstance(made, Mesh) and any(isinstance(region, str) for region in regions):

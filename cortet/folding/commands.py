@@ -25,9 +25,9 @@ from cortet.cli.values import (
     pairs,
 )
 from cortet.errors import InputError, UsageError
-from cortet.folding import AGES
 from cortet.formats.atomic import recorded
 from cortet.formats.ownership import may_write
+from cortet.geometry.limits import FOLD_AGES
 
 
 def aged_file(text: str) -> tuple[float, str]:
@@ -35,15 +35,15 @@ def aged_file(text: str) -> tuple[float, str]:
     age, equals, file = text.partition("=")
     if not (equals and file):
         raise ValueError(f"{text!r} is not WEEKS=FILE")
-    return Number(*AGES).read(age), file
+    return Number(*FOLD_AGES).read(age), file
 
 
 def _weeks(_: object, tokens: Sequence[Token]) -> list[float]:
     """WEEKS,WEEKS."""
-    return [Number(*AGES).read(text) for text in tokens[-1].value.split(",")]
+    return [Number(*FOLD_AGES).read(text) for text in tokens[-1].value.split(",")]
 
 
-Age = Annotated[float, number(*AGES, "WEEKS")]
+Age = Annotated[float, number(*FOLD_AGES, "WEEKS")]
 Weeks = Annotated[
     Sequence[float],
     Parameter(
@@ -131,7 +131,7 @@ def fold(
     if real:
         data["fold"]["real_surfaces"] = (data["fold"].get("real_surfaces") or {}) | dict(real)
     loaded = load(data)
-    values = loaded.arguments("fold", {"gestational_age": age, "hemisphere": side})
+    values = {**loaded.fold.values(), "gestational_age": age, "hemisphere": side}
     beside = loaded.fold.real_surfaces_of(side)
     for path in beside.values():  # before the work
         read_surface(path)
@@ -185,7 +185,7 @@ def growth(
     later: Path,
     /,
     *,
-    ages: Annotated[tuple[float, float], number(*AGES, "WEEKS")],
+    ages: Annotated[tuple[float, float], number(*FOLD_AGES, "WEEKS")],
     output: Annotated[OutputFile, O, Parameter(metavar="GII")],
     spheres: Annotated[tuple[Path, Path] | None, Parameter(metavar="GII")] = None,
     smooth: Annotated[float | None, number(0, 50, "MM")] = None,

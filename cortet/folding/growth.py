@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.folding import AGES
+from cortet.geometry.limits import FOLD_AGES
 from cortet.meshes import FloatArray
 
 #: coefficients of GA^3, GA^2, GA and 1 in the time of the simulation (Wang et al. 2021): 0 at 22 weeks, 1 at 44
@@ -33,7 +33,7 @@ Times = TypeVar("Times", float, NDArray[np.float64])
 
 def check_age(gestational_age: float) -> None:
     """Raise InputError for an age, weeks, at which the growth model has no meaning."""
-    youngest, oldest = AGES
+    youngest, oldest = FOLD_AGES
     if not youngest <= gestational_age <= oldest:
         raise InputError(
             f"{gestational_age:g} is not a gestational age to fold at: the model of growth holds from {youngest:g} to "
@@ -59,8 +59,8 @@ def age_of(time: float) -> float:
 
 
 def ages_of(times: FloatArray) -> FloatArray:
-    """`age_of` of many times (k,) between those of `AGES`, by Newton's method."""
-    known = np.linspace(*AGES, 200)
+    """`age_of` of many times (k,) between those of `FOLD_AGES`, by Newton's method."""
+    known = np.linspace(*FOLD_AGES, 200)
     ages: FloatArray = np.interp(times, times_of(known), known)
     for _ in range(3):
         ages = ages - (times_of(ages) - times) / np.polyval(np.polyder(_TIME), ages)

@@ -18,11 +18,11 @@ from typing import NamedTuple
 import numpy as np
 
 from cortet.errors import InputError
-from cortet.folding import AGES
 from cortet.folding.body import Body
 from cortet.folding.fields import GROWTH_FIELD, age_of_growth, growth_field, node_field
 from cortet.folding.law import combined, cross, dot, exponential, fast, growth_share, vector
 from cortet.folding.surface_growth import matrices
+from cortet.geometry.limits import FOLD_AGES
 from cortet.meshes import FloatArray, TetMesh
 
 #: logarithm of a stretch beyond which a map cannot be a map of growth: more than a factor of seven
@@ -56,10 +56,10 @@ def map_of(mesh: TetMesh, body: Body, start: float) -> GrowthMap | None:
             )
         return None
     ages = list(named)
-    if not (ages[0] > start and ages[-1] <= AGES[1]):
+    if not (ages[0] > start and ages[-1] <= FOLD_AGES[1]):
         raise InputError(
             f"the field {named[ages[0] if ages[0] <= start else ages[-1]]} is not for an age between that of the mesh, "
-            f"{start:g} weeks, and {AGES[1]:g}",
+            f"{start:g} weeks, and {FOLD_AGES[1]:g}",
             remedy="name each map by the age that it leads to",
         )
     values = np.zeros((len(ages) + 1, len(body.cells), 4))

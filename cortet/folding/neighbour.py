@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
     from cortet.cohort.plan import Plan
     from cortet.cohort.sheet import Case
-    from cortet.sections import Cost, Section
-    from cortet.stages.stage import Step
 
 
 class Folding(Neighbour):
@@ -24,28 +22,6 @@ class Folding(Neighbour):
     calls = dict.fromkeys(("Folded", "fold", "growth"), "cortet.folding.calls")
     rules = ("fold", "fold_figures", "folded_surface")
     label = "Folded"
-
-    def sections(self) -> Mapping[str, type[Section]]:
-        """`fold`."""
-        from cortet.folding.section import Fold
-
-        return {"fold": Fold}
-
-    def steps(self) -> Mapping[str, Step]:
-        """The fold of a mesh."""
-        from cortet.stages.stage import Step
-
-        return {"fold": Step("folding.fold", "fold", facts=("gestational_age", "hemisphere"))}
-
-    def costs(self) -> Mapping[str, Cost]:
-        """Of folds and what is made of them."""
-        from cortet.sections import Cost
-
-        return {
-            "fold": Cost((500, 1200), (90, 4000)),
-            "fold_figures": Cost((500, 800), (60, 120)),
-            "folded_surface": Cost((500, 1500), (30, 120)),
-        }
 
     def check_field(self, name: str, own_name: str, file: str | Path) -> None:
         """Growth is named for the age up to which it was measured."""

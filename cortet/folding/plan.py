@@ -14,13 +14,13 @@ from cortet.cohort.layout import beside, file_of, filled
 from cortet.cohort.plan import Plan
 from cortet.cohort.selection import chosen
 from cortet.cohort.sheet import Case
-from cortet.config import version_of
+from cortet.config.section import Cases
 from cortet.errors import InputError
 from cortet.folding.measures import surface_files, weeks_of
 from cortet.meshes import OUTERMOST, region_names
 from cortet.neighbours import OnPage
 from cortet.report.over_all import files_of
-from cortet.sections import Cases
+from cortet.version import version_of
 
 if TYPE_CHECKING:
     from cortet.report.pages import Panel
@@ -100,9 +100,11 @@ class Folds:
         start, surfaces = self.plan.cases[case].scan_age, changed.get("surfaces", fold.surfaces)
         return [] if start is None else weeks_of(surfaces, start, changed.get("end", fold.end))
 
-    def variant(self, job: Job) -> dict[str, Any]:
-        """Parameters by which a variant differs from the other folds of its case."""
-        return self.plan.config.fold.variants.get(job.get("variant", "").lower(), {})
+    def arguments(self, job: Job) -> dict[str, Any]:
+        """What a fold needs besides its mesh (`folding.section.Settings`)."""
+        case, fold = self.plan.case(job), self.plan.config.fold
+        changed = fold.variants.get(job.get("variant", "").lower(), {})
+        return {**fold.values(), "gestational_age": case.scan_age, "hemisphere": case.hemi, **changed}
 
     def real_surfaces(self, job: Job) -> dict[str, str]:
         """The real brains that the pictures of a fold show, by their ages."""

@@ -20,6 +20,9 @@ SUBDIVISIONS = (2, 7)
 LEAST_BANK_GAP = 0.03
 #: plausible ages of a surface, gestational weeks: below there is no cortical plate to mesh, above lies infancy
 SCAN_AGES = (12.0, 60.0)
+#: gestational ages at which a fold may begin and end, weeks: its time scale is a fit to 22 to 44 weeks; before 20 a
+#: brain is smooth, and before 15 the fit gives negative growth
+FOLD_AGES = (20.0, 60.0)
 #: bounds of a synthetic cortex: age, weeks, and thickness, mm
 PHANTOM_AGES, THICKNESS_MM = (21.0, 38.0), (0.1, 10.0)
 #: distance of a shell from the brain, mm; and half the width of the grooves that it spans

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from cortet.config.sections import Certify
 from cortet.errors import InputError, StageError, place_mm
 from cortet.formats.hashing import input_sha256, mesh_sha256
 from cortet.geometry.banks import Banks, banks
@@ -52,7 +53,6 @@ from cortet.measure.checks import (
     with_cell_size,
 )
 from cortet.measure.fidelity import Fidelity, fidelity
-from cortet.measure.limits import Certify
 from cortet.measure.lost import LostPlace, lost_places
 from cortet.measure.native import Native, native_record
 from cortet.measure.quality import QualitySummary, quality, signed_volumes, summarise

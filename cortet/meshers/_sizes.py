@@ -7,11 +7,11 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.spatial import KDTree
 
+from cortet.config.stages import Generate
 from cortet.errors import InputError
 from cortet.formats.volumes import Volume, is_volume, read_labels, read_named
 from cortet.geometry.nesting import sheets
 from cortet.meshers._remesh import GROWTH, SHORTEST
-from cortet.meshers._section import Generate
 from cortet.meshers.mesher import Facts, Sources
 from cortet.meshes import FloatArray, TriSurface, region_names
 

@@ -33,7 +33,7 @@ from cortet.meshers.mesher import Facts, Filled, Mesher
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
 if TYPE_CHECKING:
-    from cortet.meshers._section import Generate
+    from cortet.config.stages import Generate
 
 VERSION: int = 1
 
@@ -194,10 +194,7 @@ def _fill(mesher: str, surface: TriSurface, _settings: Generate, facts: Facts) -
 #: names of meshers in tables
 _PRINTED = {"tetgen": "TetGen", "ftetwild": "fTetWild", "gmsh": "Gmsh", "netgen": "Netgen"}
 
-MESHERS = tuple(
-    Mesher(name=name, order=50 + place, printed=_PRINTED[name], fill=partial(_fill, name), own=False)
-    for place, name in enumerate(TOOLS)
-)
+MESHERS = tuple(Mesher(name=name, printed=_PRINTED[name], fill=partial(_fill, name), own=False) for name in TOOLS)
 
 
 if __name__ == "__main__":

@@ -20,8 +20,8 @@ from cortet.meshers.mesher import Attempt, Facts, Filled, Mesher
 from cortet.meshes import TetMesh, TriSurface
 
 if TYPE_CHECKING:
+    from cortet.config.stages import Generate
     from cortet.meshers._cgal import Criteria
-    from cortet.meshers._section import Generate
 
 logger = logging.getLogger(__name__)
 
@@ -99,7 +99,6 @@ def _said(parameters: Mapping[str, Any], backend: str, _mesher: str, meshes: str
 MESHERS = (
     Mesher(
         name="cgal",
-        order=10,
         printed="CGAL",
         fill=fill,
         tets_per_cube=4.2,  # measured 4.13 to 4.19

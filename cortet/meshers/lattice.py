@@ -18,11 +18,10 @@ import numpy as np
 from cortet.errors import StageError, place_mm
 from cortet.meshers.mesher import Attempt, Facts, Filled, Mesher, Refinement
 from cortet.meshes import TetMesh, TriSurface
-from cortet.sections import Cost
 
 if TYPE_CHECKING:
+    from cortet.config.stages import Generate
     from cortet.meshers._remesh import Remeshed
-    from cortet.meshers._section import Generate
 
 #: a remeshed boundary is too coarse if it encloses less than this share of the surface's volume
 LEAST_VOLUME = 0.8
@@ -155,11 +154,9 @@ def _said(_parameters: Mapping[str, Any], _backend: str, mesher: str, meshes: st
 MESHERS = (
     Mesher(
         name="lattice",
-        order=20,
         printed="Lattice",
         fill=fill,
         tets_per_cube=4.1,  # measured 3.3 to 4.0, most where blades are thin
-        cost=Cost((250, 520), (8, 20)),
         regions=True,
         sizes=True,
         said=_said,

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from cortet.meshes import FloatArray, TetMesh, TriSurface
-from cortet.sections import Cost
 
 if TYPE_CHECKING:
+    from cortet.config.stages import Generate
     from cortet.geometry.topology import SurfaceTopology
-    from cortet.meshers._section import Generate
 
 
 class Sources(NamedTuple):
@@ -99,16 +98,12 @@ class Mesher:
     """One way to fill a closed surface with tetrahedra."""
 
     name: str
-    #: rank in lists and tables
-    order: int
     #: its name in tables
     printed: str
     #: fills a closed, connected manifold without self-intersections; raises StageError if it cannot
     fill: Callable[[TriSurface, Generate, Facts], Filled]
     #: tetrahedra per cube of the cell size, as measured
     tets_per_cube: float = 4.2
-    #: of a job of S1, if it differs from that of the stage
-    cost: Cost | None = None
     #: whether it belongs to the line; others run with their own defaults, for comparison
     own: bool = True
     #: whether it fills the regions between inner surfaces

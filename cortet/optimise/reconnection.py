@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cortet.config.section import Boundary
 from cortet.geometry.closest_point import SurfaceTree, forest
 from cortet.geometry.topology import neighbours
 from cortet.measure.quality import quality
@@ -32,7 +33,6 @@ from cortet.optimise.places import (
 from cortet.optimise.star import mu2_of
 from cortet.optimise.swaps import NO_SWAPS, SwapCount, improve, live_cells, swappable
 from cortet.optimise.vertices import KEPT, Pass, interface_places, move_vertices
-from cortet.sections import Boundary
 
 _ROUNDS = 4
 #: a round with fewer swaps per tetrahedron than this is the last one

@@ -21,12 +21,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from cortet.config.section import Boundary
 from cortet.geometry import topology
 from cortet.geometry.closest_point import SurfaceTree, closest_point, first_triangles, triangle_normal
 from cortet.measure.quality import quality
 from cortet.meshes import FloatArray, IntArray, TetMesh
 from cortet.optimise.star import fill_row, mu2_of, newton_step, q_of, row_derivatives, row_energy, row_mu2, tangent_step
-from cortet.sections import Boundary
 
 #: while the mean improves, q may rise to this, or to the worst around the vertex if higher; a lower value costs mean
 KEPT = 0.34

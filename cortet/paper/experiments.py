@@ -16,8 +16,8 @@ from cortet.cohort.plan import Plan
 from cortet.cohort.resources import cost
 from cortet.cohort.selection import chosen
 from cortet.cohort.sheet import Case
+from cortet.config.section import Cases
 from cortet.meshers import BASELINES
-from cortet.sections import Cases
 from cortet.stages import MESH_STAGES, STAGES
 
 #: label of a stage whose effect is measured -> stages that have run, what the last of them adds

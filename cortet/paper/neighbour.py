@@ -11,19 +11,12 @@ if TYPE_CHECKING:
     from cortet.cohort.plan import Plan
     from cortet.config import Config
     from cortet.report.over_all import Results
-    from cortet.sections import Section
 
 
 class Paper(Neighbour):
     """Tables and figures of the CORTET paper, on any cohort."""
 
     name = "paper"
-
-    def sections(self) -> Mapping[str, type[Section]]:
-        """`experiments`."""
-        from cortet.paper.section import Experiments
-
-        return {"experiments": Experiments}
 
     def settings(self, config: Config) -> Iterable[str]:
         """Those that are compared."""

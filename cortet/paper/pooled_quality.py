@@ -27,7 +27,7 @@ from cortet.report.figures import (
     mark_limit,
     save,
 )
-from cortet.stages.stage import counted
+from cortet.report.stage_sentences import counted
 
 VERSION: int = 6
 

@@ -17,13 +17,14 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
+from cortet.config.stages import Regions
 from cortet.errors import InputError, short_traceback
 from cortet.geometry import topology
 from cortet.geometry.icosphere import icosphere
 from cortet.geometry.limits import PHANTOM_AGES, SUBDIVISIONS, THICKNESS_MM, require_within
 from cortet.geometry.nesting import nested
 from cortet.meshes import FloatArray, IntArray, TriSurface, single_precision
-from cortet.stages.separate import Regions, separate
+from cortet.stages.separate import separate
 
 VERSION: int = 1
 

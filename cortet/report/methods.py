@@ -12,8 +12,7 @@ from cortet.formats.atomic import atomic_path
 from cortet.measure.checks import Check
 from cortet.report.citation import CLOSING, REFERENCES, cited, reference
 from cortet.report.records import read_certificate
-from cortet.stages import STAGES
-from cortet.stages.stage import Certificate, counted
+from cortet.report.stage_sentences import Certificate, counted, stage_sentences
 
 VERSION: int = 6
 
@@ -48,7 +47,7 @@ def methods_text(certificates: Sequence[Certificate], sheet: Iterable[Case], fai
     sentences = [
         *_cohort(meshed),
         *_exclusions(cases.values(), failures),
-        *filter(None, (stage.sentence(certificates) for stage in STAGES.values())),
+        *stage_sentences(certificates),
         *_outcome(certificates),
         _versions(certificates),
     ]

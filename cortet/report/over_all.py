@@ -27,6 +27,7 @@ from cortet.errors import CortetError, InputError
 from cortet.formats.atomic import atomic_path, write_json
 from cortet.formats.ownership import json_of
 from cortet.neighbours import OnPage, neighbours
+from cortet.stages import require_nesting, require_programs
 
 logger = logging.getLogger(__name__)
 
@@ -68,10 +69,11 @@ def plan_of(config: Mapping[str, Any]) -> Plan:
         if name != own.setting
     }
     for setting in settings.values():
-        setting.require_programs()
+        require_programs(setting)
     plan = Plan(settings, read_sheet(own.cohort.sheet, own.cohort.fields))
     own.require_workflow()
-    own.require_nesting(any(case.inner for case in plan.cases.values()))
+    if any(case.inner for case in plan.cases.values()):
+        require_nesting(own)
     return plan
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cortet.config.stages import Repair
 from cortet.errors import InputError, place_mm
 from cortet.geometry import mending
 from cortet.geometry.closest_point import closest_points, tree_of
@@ -19,13 +20,11 @@ from cortet.geometry.interpolation import at_triangles
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.mending import CAP, REPLACED, Triangles
 from cortet.geometry.orientation import outward
+from cortet.geometry.rebuilding import rebuilt
 from cortet.geometry.topology import enclosed_volume, face_normals, neighbour_means, surface_topology
 from cortet.geometry.uncrossing import uncrossed
 from cortet.geometry.winding import winding_numbers
 from cortet.meshes import FILLED, FloatArray, IntArray, TriSurface, single_precision
-
-if TYPE_CHECKING:
-    from cortet.stages.repair import Repair
 
 #: most locations listed of one kind, and their least distance from each other, mm
 PLACES, APART_MM = 10, 5.0
@@ -164,8 +163,6 @@ class BrokenSurface:
             self._replace(work, "doubled triangles removed", len(gone), "faces", places)
 
     def _rebuilding(self) -> None:
-        from cortet.geometry.rebuilding import rebuilt  # here, as few surfaces need it
-
         turned = TriSurface(self.work.points, outward(self.work.points, self.work.faces))
         made, self.volume_before = rebuilt(turned, self.limits.spacing)
         self._note(

@@ -8,17 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
 
+from cortet.config.section import Boundary
+from cortet.config.stages import Clean
+from cortet.geometry.closest_point import forest
+from cortet.measure.quality import quality
 from cortet.meshes import IntArray, TetMesh, TriSurface
-from cortet.sections import Boundary, Cost, Section, Threshold
-from cortet.stages.stage import BOUNDARY_WORDS, Certificate, Stage, parameters_of
-
-if TYPE_CHECKING:
-    from cortet.optimise.vertices import Pass, PassReport
+from cortet.optimise.crossing import without_crossing
+from cortet.optimise.soundness import require_sound
+from cortet.optimise.vertices import KEPT, Pass, PassReport, move_vertices
+from cortet.stages._meshtool import clean_with_meshtool, program_version
 
 VERSION: int = 9
 
@@ -32,39 +33,6 @@ _THRESHOLD_SWEEPS, _FIRST_POWER = 12, 8
 #: (34 weeks, h = 2 mm: worst q 0.417 instead of 0.487, 1,225 elements above 0.3 instead of 1,495, mean 0.136 and 0.139)
 _POWER_ALONE, _TAIL_POWER, _TAIL_SHARE = 4, 16, 2 / 3
 _AROUND_SHARE, _SWEEPS_AROUND = 1 / 2, 8
-
-
-class Clean(Section):
-    """S4: worst-element cleaning; only vertices move."""
-
-    enabled: bool = True
-    """false leaves the stage out."""
-    thresholds: Annotated[list[Threshold], Field(min_length=1)] = [0.7, 0.5, 0.3]
-    """One pass per threshold: the vertices of elements with q above it are moved. Where `improve_mean` is false, passes
-    around them also move those above half of the lowest."""
-    boundary: Boundary = "slide"
-    """slide lets boundary nodes move along the input surface, fixed holds them, free lets them leave it."""
-    improve_mean: bool = True
-    """Sweeps over all vertices before and after the passes, which improve the mean; the published tool has none."""
-    backend: Literal["cortet", "meshtool"] = "cortet"
-    """cortet: our own kernel; meshtool: an installed meshtool binary (boundary free, improve_mean false)."""
-
-    def programs(self) -> dict[str, str]:
-        """Meshtool, where it is the backend."""
-        return {"meshtool": "clean.backend: cortet"} if self.backend == "meshtool" else {}
-
-    def excludes_inner_surfaces(self) -> str:
-        """A boundary that is free leaves the interfaces, too."""
-        return "clean.boundary: free" if self.boundary == "free" else ""
-
-    @model_validator(mode="after")
-    def _backend_has_it(self) -> Clean:
-        if self.enabled and self.backend == "meshtool" and (self.boundary != "free" or self.improve_mean):
-            raise ValueError(
-                "backend meshtool moves the boundary freely and has no passes for the mean: "
-                "set clean.boundary: free and clean.improve_mean: false"
-            )
-        return self
 
 
 @dataclass(frozen=True)
@@ -108,13 +76,6 @@ def clean(
     ------
     StageError : the given mesh has inverted elements, or meshtool failed
     """
-    from cortet.geometry.closest_point import forest
-    from cortet.measure.quality import quality
-    from cortet.optimise.crossing import without_crossing
-    from cortet.optimise.soundness import require_sound
-    from cortet.optimise.vertices import move_vertices
-    from cortet.stages._meshtool import clean_with_meshtool, program_version
-
     before = quality(mesh.points, mesh.cells)
     require_sound(mesh, before)
     passes: tuple[PassReport, ...] = ()
@@ -154,8 +115,6 @@ def clean(
 
 def schedule(thresholds: Sequence[float], improve_mean: bool) -> list[Pass]:
     """The passes of a run; if passes for the mean surround them, each threshold pass is closer to min-max."""
-    from cortet.optimise.vertices import KEPT, Pass
-
     if not improve_mean:
         if not thresholds:
             return []
@@ -171,30 +130,3 @@ def schedule(thresholds: Sequence[float], improve_mean: bool) -> list[Pass]:
     first = Pass(threshold=0, power=2, sweeps=_FIRST_MEAN_SWEEPS)
     last = Pass(threshold=0, power=2, sweeps=_LAST_MEAN_SWEEPS, keep=KEPT)
     return [first, *aims, last]
-
-
-def _sentence(certificates: Sequence[Certificate]) -> str:
-    for done in parameters_of("clean", certificates)[:1]:
-        thresholds = ", ".join(f"{value:g}" for value in done["thresholds"])
-        program = " by meshtool" if done["backend"] == "meshtool" else ""
-        mean = ", with sweeps that improve the mean" if done["improve_mean"] else ""
-        return (
-            f"Vertices around elements with q > {thresholds} were moved{program}, in this order, to lower the worst q "
-            f"({BOUNDARY_WORDS[done['boundary']]}{mean})."
-        )
-    return ""
-
-
-STAGE = Stage(
-    name="clean",
-    order=90,
-    does="moves vertices until the worst elements are good",
-    label="Cleaned",
-    takes=("mesh", "surface"),
-    gives="mesh",
-    number="S4",
-    parameters=Clean,
-    facts=("cell_size",),
-    cost=Cost((230, 290), (2, 7)),
-    sentence=_sentence,
-)

@@ -5,20 +5,19 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Any
 
 import numpy as np
-from pydantic import Field
 
+from cortet.config.stages import Gate
 from cortet.errors import InputError
 from cortet.formats.placement import UNITS
+from cortet.geometry.defects import flat_faces
+from cortet.geometry.intersection import self_intersections
+from cortet.geometry.orientation import outward
+from cortet.geometry.topology import SurfaceTopology, compact, enclosed_volume, face_areas, surface_topology
+from cortet.geometry.uncrossing import moved_apart
 from cortet.meshes import FloatArray, IntArray, TriSurface, single_precision
-from cortet.sections import Cost, NonNegativeInt, Section
-from cortet.stages.stage import Stage
-
-if TYPE_CHECKING:
-    from cortet.geometry.topology import SurfaceTopology
 
 VERSION: int = 2
 
@@ -35,20 +34,6 @@ MAX_REPAIR_MM = 1.0
 _REPAIR_ROUNDS = 12
 
 logger = logging.getLogger(__name__)
-
-
-class Gate(Section):
-    """Input gate: what a surface must be before anything else happens to it."""
-
-    choices: ClassVar[frozenset[str]] = Section.choices | {"unit", "affine"}
-
-    allow_genus: NonNegativeInt = 0
-    """Largest genus accepted. 0: a sphere, as a hemisphere must be."""
-    unit: Literal[tuple(UNITS)] = "mm"  # type: ignore[valid-type]
-    """Unit of the coordinates of the input surfaces: mm, m, cm or um. A column `unit` of the sheet overrides it."""
-    affine: Path | Annotated[list[list[float]], Field(min_length=4, max_length=4)] | None = None
-    """Coordinates are voxel indices: an image (.nii.gz, .mgz) with their voxel-to-mm affine, or its four rows. A column
-    `affine` of the sheet, relative to its folder, overrides it. null: they are none."""
 
 
 @dataclass(frozen=True)
@@ -93,10 +78,6 @@ def gate(
         higher genus, crosses itself in many places, has triangles without area, or is not of a brain's size in mm; says
         which and where
     """
-    from cortet.geometry.defects import flat_faces
-    from cortet.geometry.orientation import outward
-    from cortet.geometry.topology import compact, enclosed_volume, face_areas, surface_topology
-
     try:
         _check_coordinates(surface.points)
         points, faces, kept = compact(surface.points, surface.faces)
@@ -194,14 +175,10 @@ def _uncross(surface: TriSurface, source: Any) -> tuple[TriSurface, int]:
     On a macaque surface with 20 crossing triangles this moves 25 vertices by up to 0.42 mm, where MeshFix replaces 360
     and moves the surface by 0.50 mm.
     """
-    from cortet.geometry.defects import flat_faces
-    from cortet.geometry.intersection import self_intersections
-
     crossing = self_intersections(surface)
     if not len(crossing):
         return surface, 0
     from cortet.geometry.smoothing import laplacian  # loads PyMeshLab, which most surfaces do without
-    from cortet.geometry.uncrossing import moved_apart
 
     where = surface.points[surface.faces[crossing[0]]].mean(axis=0).round(2).tolist()
     found = f"{len(crossing)} of {len(surface.faces)} triangles cross others, the first is {crossing[0]} at {where} mm"
@@ -218,18 +195,3 @@ def _uncross(surface: TriSurface, source: Any) -> tuple[TriSurface, int]:
         "%s: %s; pulled apart by moving %d vertices by up to %.3f mm", source, found, (moved > 0).sum(), moved.max()
     )
     return repaired, len(crossing)
-
-
-STAGE = Stage(
-    name="gate",
-    order=30,
-    does="lets in a surface that can be meshed",
-    label="gated",
-    takes=("surface",),
-    gives="surface",
-    parameters=Gate,
-    facts=("source",),
-    cost=Cost((600, 0), (7, 0)),
-    alone=True,
-    takes_inside=True,
-)

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import logging
-from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from cortet.config.stages import Generate
 from cortet.errors import InputError
+from cortet.formats.placement import require_precision
 from cortet.geometry.limits import CELL_SIZE_MM, require_within
+from cortet.geometry.orientation import random_rotation
+from cortet.geometry.topology import surface_topology
 from cortet.meshers import MESHERS, Mesher
-from cortet.meshers._section import Generate
+from cortet.meshers._sizes import checked
 from cortet.meshers.mesher import Attempt, Facts, Refinement
 from cortet.meshes import FloatArray, TetMesh, TriSurface
-from cortet.sections import Cost
-from cortet.stages.stage import Certificate, Stage, counted
-
-__all__ = ["STAGE", "Generate", "GenerateReport", "generate"]
 
 VERSION: int = 12
 
@@ -84,10 +82,6 @@ def generate(
     StageError
         the backend failed, is not installed, or returned nothing
     """
-    from cortet.formats.placement import require_precision
-    from cortet.geometry.orientation import random_rotation
-    from cortet.meshers._sizes import checked
-
     cell_size = settings.cell_size[0] if cell_size is None else cell_size
     mesher = settings.meshers[0] if mesher is None else mesher
     if mesher not in MESHERS:
@@ -131,8 +125,6 @@ def generate(
 
 def _require_meshable(surface: TriSurface, mesher: Mesher, settings: Generate) -> None:
     """Refuse a surface that is not a closed manifold, and settings that this mesher does not support."""
-    from cortet.geometry.topology import surface_topology
-
     topology = surface_topology(surface.faces)
     if not topology.is_closed_manifold:
         raise InputError(f"surface cannot be meshed: {'; '.join(topology.problems(int(topology.genus)))}")
@@ -150,34 +142,3 @@ def _turned(surface: TriSurface, turn: FloatArray) -> TriSurface:
     """A surface and its inner surfaces, rotated."""
     inner = {name: replace(one, points=one.points @ turn) for name, one in surface.inner.items()}
     return replace(surface, points=surface.points @ turn, inner=inner)
-
-
-def _sentence(certificates: Sequence[Certificate]) -> str:
-    every = [content["parameters"]["generate"] for content in certificates]
-    sizes = " and ".join(f"{size:g}" for size in sorted({done["cell_size"] for done in every}))
-    backends = [content["reports"]["generate"]["backend"] for content in certificates]
-    ways = []
-    for (name, backend), count in sorted(Counter(zip((d["mesher"] for d in every), backends, strict=True)).items()):
-        mesher, meshes = MESHERS[name], counted(count, "mesh")
-        if mesher.may_change_topology and backend not in ("pygalmesh", "cgal"):
-            fallback = every[0]["fallback"]
-            ways.append(f"the fallback {fallback}, where CGAL's boundary had another topology ({count})")
-        else:
-            ways.append(mesher.said(every[0], backend, name, meshes))
-    return f"They were filled with tetrahedra of cell size h = {sizes} mm by {' and '.join(ways)}."
-
-
-STAGE = Stage(
-    name="generate",
-    order=60,
-    does="fills the surface with tetrahedra",
-    label="Generated",
-    takes=("surface",),
-    gives="mesh",
-    number="S1",
-    parameters=Generate,
-    facts=("cell_size", "mesher"),
-    cost=Cost((330, 550), (5, 370)),
-    sentence=_sentence,
-    shared_by_settings=True,
-)

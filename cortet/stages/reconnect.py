@@ -8,31 +8,15 @@ after each round. Connectivity changes, which never happens in the published cha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
+from cortet.config.stages import Reconnect
+from cortet.measure.quality import quality
 from cortet.meshes import TetMesh, TriSurface
-from cortet.sections import Boundary, Cost, Section, Threshold
-from cortet.stages.stage import BOUNDARY_WORDS, Certificate, Stage, parameters_of
+from cortet.optimise.reconnection import reconnected
+from cortet.optimise.soundness import require_sound
 
 VERSION: int = 13
-
-
-class Reconnect(Section):
-    """S4+: local swaps where moving vertices cannot help; connectivity changes."""
-
-    enabled: bool = True
-    """false leaves the stage out."""
-    threshold: Threshold = 0.3
-    """Swaps are tried around elements with q above this."""
-    boundary: Boundary = "slide"
-    """What boundary nodes may do when vertices move, as in clean; fixed also keeps every boundary edge."""
-    insert: bool = True
-    """true also inserts nodes inside, where no swap helps: between the banks of blades, behind corners."""
-
-    def excludes_inner_surfaces(self) -> str:
-        """A boundary that is free leaves the interfaces, too."""
-        return "reconnect.boundary: free" if self.boundary == "free" else ""
 
 
 @dataclass(frozen=True)
@@ -82,10 +66,6 @@ def reconnect(
     settings : as `Reconnect` describes them; inserted vertices carry the values of a vertex near them
     cell_size : mm, which determines how far from `surface` the boundary may slide; None if it is not known
     """
-    from cortet.measure.quality import quality
-    from cortet.optimise.reconnection import reconnected
-    from cortet.optimise.soundness import require_sound
-
     before = quality(mesh.points, mesh.cells)
     require_sound(mesh, before)
     result, inserted, swaps, held = reconnected(
@@ -113,27 +93,3 @@ def reconnect(
         inserted=inserted,
         vertices_held=len(held),
     )
-
-
-def _sentence(certificates: Sequence[Certificate]) -> str:
-    for done in parameters_of("reconnect", certificates)[:1]:
-        return (
-            f"Elements with q > {done['threshold']:g} were reconnected by local swaps "
-            f"({BOUNDARY_WORDS[done['boundary']]})."
-        )
-    return ""
-
-
-STAGE = Stage(
-    name="reconnect",
-    order=100,
-    does="reconnects elements that moving cannot improve",
-    label="Reconnected",
-    takes=("mesh", "surface"),
-    gives="mesh",
-    number="S4+",
-    parameters=Reconnect,
-    facts=("cell_size",),
-    cost=Cost((240, 420), (4, 9)),
-    sentence=_sentence,
-)

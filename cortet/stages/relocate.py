@@ -8,17 +8,18 @@ they are. Reference: https://gmsh.info/doc/texinfo/gmsh.html (gmsh/model/mesh/op
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
+from cortet.config.stages import Relocate
 from cortet.errors import StageError
+from cortet.geometry.topology import boundary_faces, boundary_nodes
+from cortet.measure.quality import quality
 from cortet.meshes import FloatArray, IntArray, TetMesh
-from cortet.sections import Cost, PositiveInt, Section
-from cortet.stages.stage import BOUNDARY_WORDS, Certificate, Stage, counted, parameters_of
+from cortet.optimise.backing_off import back_off
 
 VERSION: int = 1
 
@@ -26,21 +27,6 @@ _TRIANGLE, _TETRAHEDRON = 2, 4  # Gmsh's element types
 _SURFACE, _VOLUME = (2, 1), (3, 1)  # dimension and tag of the discrete entities
 
 logger = logging.getLogger(__name__)
-
-
-class Relocate(Section):
-    """S3: Gmsh Relocate3D."""
-
-    enabled: bool = False
-    """true adds the stage; it does not improve the elements of the lattice mesher."""
-    passes: PositiveInt = 5
-    """Number of Relocate3D passes."""
-    boundary: Literal["fixed", "free"] = "fixed"
-    """fixed keeps boundary nodes where S1 put them, on the surface; free lets Gmsh move them too."""
-
-    def excludes_inner_surfaces(self) -> str:
-        """Gmsh is given the boundary only."""
-        return "relocate.enabled: true"
 
 
 @dataclass(frozen=True)
@@ -76,10 +62,6 @@ def relocate(mesh: TetMesh, settings: Relocate = Relocate()) -> tuple[TetMesh, R
         Gmsh failed, or returned a different mesh
     """
     import gmsh
-
-    from cortet.geometry.topology import boundary_nodes
-    from cortet.measure.quality import quality
-    from cortet.optimise.backing_off import back_off
 
     fixed = np.array([], np.int32) if settings.boundary == "free" else boundary_nodes(mesh)
     points = _relocated(mesh, settings.passes, fixed)
@@ -126,8 +108,6 @@ def _relocated(mesh: TetMesh, passes: int, fixed: IntArray) -> FloatArray:
     """New positions of the nodes, in the order of the mesh; those of `fixed` lie on a surface that Gmsh respects."""
     import gmsh
 
-    from cortet.geometry.topology import boundary_faces
-
     free = np.setdiff1d(np.arange(len(mesh.points)), fixed)
     faces = boundary_faces(mesh) if len(fixed) else np.empty((0, 3), np.int32)
     with _session():
@@ -160,26 +140,3 @@ def _relocated(mesh: TetMesh, passes: int, fixed: IntArray) -> FloatArray:
     by_tag = np.argsort(node_tags)
     rows = by_tag[np.searchsorted(node_tags, tag_of_node, sorter=by_tag)]
     return np.ascontiguousarray(coordinates.reshape(-1, 3)[rows])
-
-
-def _sentence(certificates: Sequence[Certificate]) -> str:
-    for done in parameters_of("relocate", certificates)[:1]:
-        return (
-            f"Nodes were relocated by {counted(done['passes'], 'pass')} of Gmsh's Relocate3D "
-            f"({BOUNDARY_WORDS[done['boundary']]})."
-        )
-    return ""
-
-
-STAGE = Stage(
-    name="relocate",
-    order=80,
-    does="moves interior nodes",
-    label="Relocated",
-    takes=("mesh",),
-    gives="mesh",
-    number="S3",
-    parameters=Relocate,
-    cost=Cost((310, 260), (4, 55)),
-    sentence=_sentence,
-)

@@ -8,56 +8,26 @@ triangles. As a last resort, the whole surface is rebuilt on a grid instead.
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
 import numpy as np
 
+from cortet.config.stages import Repair
 from cortet.errors import InputError
+from cortet.geometry.mending import CAP, measurable
+from cortet.geometry.topology import enclosed_volume, face_areas
+from cortet.measure.fidelity import Distances, summary
+from cortet.measure.lost import distances_to
 from cortet.meshes import TriSurface
-from cortet.sections import Cost, Fraction, Positive, Section, Threshold
-from cortet.stages.stage import Certificate, Stage
-
-if TYPE_CHECKING:
-    from cortet.measure.fidelity import Distances
-    from cortet.stages._repairing import BrokenSurface, RepairStep
+from cortet.stages._repairing import BrokenSurface, RepairStep, has_flaw
 
 VERSION: int = 3
-
-#: how a broken surface is repaired
-Method = Literal["local", "voxel"]
 
 #: remedy if no better one is known
 _REMEDY = "edit the surface there, or remesh it"
 
 logger = logging.getLogger(__name__)
-
-
-class Repair(Section):
-    """Repair of broken input surfaces, within limits; what is beyond them or has no single right answer is refused."""
-
-    enabled: bool = True
-    """false leaves the stage out: broken surfaces are refused by the gate, which mends only what is harmless."""
-    max_displacement: Positive = 1.0
-    """Farthest that triangles which cross others may be moved, or lie from those that take their place, mm."""
-    max_volume_change: Fraction = 0.02
-    """Largest relative change of the volume."""
-    max_hole: Positive = 200.0
-    """Longest rim of a hole that is filled, mm; the rim of a medial wall that was cut away has some 120 to 180 mm."""
-    max_loop: Positive = 30.0
-    """Longest loop along which a handle is cut or a tunnel closed, mm."""
-    max_piece: Threshold = 0.01
-    """Share of the area up to which a separate piece is dropped; of several larger ones none is."""
-    method: Method = "local"
-    """local mends what is broken and leaves the rest as it is. voxel, a last resort, replaces a broken surface by a
-    new one, a sphere, made on a grid; of the keys above, only the change of volume limits it."""
-    spacing: Positive = 0.3
-    """Spacing of the grid of voxel, mm: what is thinner is lost."""
-
-    def decided(self, config: Any, facts: Mapping[str, Any]) -> dict[str, Any]:  # noqa: ARG002
-        """Keep the handles that the gate accepts."""
-        return {"allow_genus": config.gate.allow_genus}
 
 
 @dataclass(frozen=True)
@@ -108,8 +78,6 @@ def repair(
     InputError
         something is beyond these limits, or has no single right answer; says what and where
     """
-    from cortet.stages._repairing import BrokenSurface, has_flaw
-
     if not has_flaw(surface, allow_genus):
         return surface, _untouched(surface, source)
     work = BrokenSurface(surface, settings, allow_genus)
@@ -123,11 +91,6 @@ def repair(
 
 
 def _report(work: BrokenSurface, made: TriSurface, source: Any) -> RepairReport:
-    from cortet.geometry.mending import CAP, measurable
-    from cortet.geometry.topology import enclosed_volume, face_areas
-    from cortet.measure.fidelity import summary
-    from cortet.measure.lost import distances_to
-
     file = measurable(work.given)
     from_file = distances_to(made, file)
     from_file = np.r_[from_file[np.unique(file.faces)], from_file[len(file.points) :]]
@@ -156,9 +119,6 @@ def _report(work: BrokenSurface, made: TriSurface, source: Any) -> RepairReport:
 
 
 def _untouched(surface: TriSurface, source: Any) -> RepairReport:
-    from cortet.geometry.topology import enclosed_volume, face_areas
-    from cortet.measure.fidelity import Distances
-
     area = float(face_areas(surface.points, surface.faces).sum())
     volume = enclosed_volume(surface.points, surface.faces) / 1000
     none = Distances(0.0, 0.0, 0.0)
@@ -181,29 +141,3 @@ def _untouched(surface: TriSurface, source: Any) -> RepairReport:
         relative_area_change=0.0,
         relative_volume_change=0.0,
     )
-
-
-def _sentence(certificates: Sequence[Certificate]) -> str:
-    reports = {content["case"]: content["reports"].get("repair", {}) for content in certificates}
-    done = {
-        case: ", ".join(f"{step['done']}: {step['count']:,} {step['of']}" for step in report["steps"])
-        for case, report in reports.items()
-        if report.get("repaired")
-    }
-    told = "; ".join(f"{case} ({steps})" for case, steps in done.items())
-    return f"Of these surfaces, {len(done)} had been repaired: {told}." if done else ""
-
-
-STAGE = Stage(
-    name="repair",
-    order=20,
-    does="repairs what is broken",
-    label="repaired",
-    takes=("surface",),
-    gives="surface",
-    parameters=Repair,
-    facts=("source",),
-    cost=Cost((700, 0), (15, 0)),
-    sentence=_sentence,
-    alone=True,
-)

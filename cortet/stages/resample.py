@@ -7,57 +7,25 @@ equal anatomy. A vertex of the common sphere takes the position that the surface
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Any
 
 import numpy as np
-from pydantic import Field
 
+from cortet.config.stages import Resample
 from cortet.errors import InputError
+from cortet.formats.gifti import read_surface
+from cortet.geometry import spheres
+from cortet.geometry.interpolation import applied
+from cortet.geometry.intersection import self_intersections
+from cortet.geometry.topology import enclosed_volume, face_areas
+from cortet.measure.fidelity import Distances, summary
+from cortet.measure.lost import distances_to
 from cortet.meshes import TriSurface, single_precision
-from cortet.sections import Cost, Section
-from cortet.stages.stage import Certificate, Stage, counted
-
-if TYPE_CHECKING:
-    from cortet.measure.fidelity import Distances
 
 VERSION: int = 2
 
 logger = logging.getLogger(__name__)
-
-
-class Resample(Section):
-    """Surfaces with a sphere (column `sphere` of the sheet) on a mesh that all cases share: vertices correspond."""
-
-    enabled: bool = True
-    """false leaves the stage out: surfaces keep their own triangles, also where the sheet has spheres."""
-    subdivisions: Annotated[int, Field(ge=3, le=7)] = 6
-    """The common mesh: an icosahedron so often divided; 6 gives 40,962 vertices, 5 gives 10,242."""
-    template: str | None = None
-    """File of another common sphere (.surf.gii), which the spheres of the cases are registered to; {hemi} in its name
-    stands for L or R. null: the icosphere."""
-
-    def template_of(self, hemisphere: str | None) -> str | None:
-        """File of the common sphere of a hemisphere; None where it is the icosphere.
-
-        Raises
-        ------
-        InputError
-            its name depends on the hemisphere, which is not known
-        """
-        if self.template is None or "{hemi}" not in self.template:
-            return self.template
-        if hemisphere is None:
-            raise InputError(
-                f"resample.template = {self.template!r}, but it is not known which hemisphere this is",
-                remedy="give L or R in the column hemi of the cohort sheet, or the name without {hemi}",
-            )
-        return self.template.replace("{hemi}", hemisphere)
-
-    def decided(self, config: Any, facts: Mapping[str, Any]) -> dict[str, Any]:  # noqa: ARG002
-        """Choose the file of the common sphere for the hemisphere."""
-        return {"template": self.template_of(facts["hemisphere"])}
 
 
 @dataclass(frozen=True)
@@ -113,9 +81,6 @@ def resample(
         the sphere is not round, or not of this surface; the surface has coordinates that are not finite; the template
         is not a sphere
     """
-    from cortet.geometry import spheres
-    from cortet.geometry.interpolation import applied
-
     if inside and not spheres.same_triangles(sphere, surface):
         return surface, _report(surface, surface, resampled=False)
     _check(surface, sphere, sphere_file)
@@ -142,8 +107,6 @@ def resample(
 
 def common_sphere(settings: Resample) -> TriSurface:
     """The sphere whose vertices all cases share; InputError if the template is not a sphere."""
-    from cortet.formats.gifti import read_surface
-    from cortet.geometry import spheres
     from cortet.geometry.icosphere import icosphere
 
     if settings.template is None:
@@ -157,8 +120,6 @@ def common_sphere(settings: Resample) -> TriSurface:
 
 
 def _check(surface: TriSurface, sphere: TriSurface, file: Any) -> None:
-    from cortet.geometry import spheres
-
     without = "or leave the column sphere of the cohort sheet empty"
     if not spheres.same_triangles(sphere, surface):
         raise InputError(
@@ -178,11 +139,6 @@ def _check(surface: TriSurface, sphere: TriSurface, file: Any) -> None:
 
 
 def _report(native: TriSurface, made: TriSurface, *, resampled: bool) -> ResampleReport:
-    from cortet.geometry.intersection import self_intersections
-    from cortet.geometry.topology import enclosed_volume, face_areas
-    from cortet.measure.fidelity import Distances, summary
-    from cortet.measure.lost import distances_to
-
     area_before, area = (float(face_areas(one.points, one.faces).sum()) for one in (native, made))
     volume_before, volume = (abs(enclosed_volume(one.points, one.faces)) / 1000 for one in (native, made))
     none = Distances(0.0, 0.0, 0.0)
@@ -203,35 +159,3 @@ def _report(native: TriSurface, made: TriSurface, *, resampled: bool) -> Resampl
         volume_ml=volume,
         relative_volume_change=volume / volume_before - 1,
     )
-
-
-def _sentence(certificates: Sequence[Certificate]) -> str:
-    reports = {content["case"]: content["reports"].get("resample") for content in certificates}
-    resampled = [report for report in reports.values() if report]
-    if not resampled:
-        return ""
-    vertices = " and ".join(f"{count:,}" for count in sorted({report["vertices"] for report in resampled}))
-    all_of_them = len(resampled) == len(reports)
-    which = "Surfaces were" if all_of_them else f"{counted(len(resampled), 'surface')} with a sphere were"
-    means = [report["native_to_resampled_mm"]["mean"] for report in resampled]
-    return (
-        f"{which} put onto a common mesh of {vertices} vertices through their spheres, by barycentric interpolation as "
-        f"in Connectome Workbench (mean distance to the native surface {min(means):.3f} to {max(means):.3f} mm)."
-    )
-
-
-STAGE = Stage(
-    name="resample",
-    order=10,
-    does="puts the surface onto the common mesh",
-    label="resampled",
-    takes=("surface", "sphere"),
-    gives="surface",
-    parameters=Resample,
-    facts=("sphere_file",),
-    cost=Cost((700, 0), (15, 0)),
-    sentence=_sentence,
-    registered=True,
-    alone=True,
-    takes_inside=True,
-)

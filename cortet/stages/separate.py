@@ -11,15 +11,17 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar
 
 import numpy as np
-from pydantic import Field
 
+from cortet.config.stages import Regions
 from cortet.errors import InputError, place_mm
+from cortet.geometry.closest_point import tree_of
+from cortet.geometry.intersection import self_intersections
+from cortet.geometry.nesting import depths, joined, parents, region_boundary, sheets
+from cortet.geometry.separation import gaps_to_keep, kept_apart
+from cortet.geometry.topology import enclosed_volume, face_areas
 from cortet.meshes import TriSurface, region_names
-from cortet.sections import Cost, Positive, Section
-from cortet.stages.stage import Stage
 
 VERSION: int = 4
 
@@ -30,22 +32,6 @@ _SHARES = (1.0, 0.5, 0.25)
 _SAME = 0.02
 
 logger = logging.getLogger(__name__)
-
-
-class Regions(Section):
-    """Meshes with inner surfaces (column `inner` of the sheet): what is between them and the outer one."""
-
-    #: S1 makes these elements; their number changes nothing here
-    choices: ClassVar[frozenset[str]] = Section.choices | {"elements_across"}
-
-    min_gap: Annotated[float, Field(gt=0, le=2)] = 0.5
-    """Distance that inner surfaces keep from the one around them, a fraction of h: where they are nearer, as at the
-    medial wall, they are moved inward."""
-    max_outside: Positive = 0.5
-    """Farthest that an inner surface may lie outside the one around it and still be moved inside, mm."""
-    elements_across: Annotated[int, Field(ge=1, le=6)] = 1
-    """Tetrahedra through the cortex, between the outer surface and those inside it, at least: cells there become
-    smaller for it, down to 0.35 h, and grow to h away from it. The certificate says what came of it."""
 
 
 @dataclass(frozen=True)
@@ -107,8 +93,6 @@ def separate(
     InputError
         a surface is not inside the one around it, lies on it, or cannot be moved there; says where
     """
-    from cortet.geometry.nesting import parents, region_boundary, sheets
-
     around = parents(surface)
     names = region_names(surface.inner)
     _check_volumes(surface)
@@ -141,8 +125,6 @@ def _with_ancestors(number: int, around: Sequence[int]) -> list[int]:
 
 
 def _check_volumes(surface: TriSurface) -> None:
-    from cortet.geometry.topology import enclosed_volume
-
     outer = enclosed_volume(surface.points, surface.faces)
     for name, one in surface.inner.items():
         volume = enclosed_volume(one.points, one.faces)
@@ -154,9 +136,6 @@ def _check_volumes(surface: TriSurface) -> None:
 
 
 def _require_inside(surface: TriSurface, container: TriSurface, *, name: str, max_outside: float) -> None:
-    from cortet.geometry.closest_point import tree_of
-    from cortet.geometry.nesting import depths
-
     depth, _, _ = depths(tree_of(container), container, surface.points)
     worst = int(depth.argmin())
     if depth[worst] < -max_outside:
@@ -170,10 +149,6 @@ def _require_inside(surface: TriSurface, container: TriSurface, *, name: str, ma
 
 def _require_another(surface: TriSurface, container: TriSurface, name: str, *, near: float, most: float) -> None:
     """Raise InputError if more than a share of a surface is the one around it, up to the distance `near`, mm."""
-    from cortet.geometry.closest_point import tree_of
-    from cortet.geometry.nesting import depths
-    from cortet.geometry.topology import face_areas
-
     depth, _, _ = depths(tree_of(container), container, surface.points)
     share = float(
         np.average((depth < near)[surface.faces].all(axis=1), weights=face_areas(surface.points, surface.faces))
@@ -186,12 +161,6 @@ def _require_another(surface: TriSurface, container: TriSurface, name: str, *, n
 
 
 def _moved_inside(surface: TriSurface, container: TriSurface, *, name: str, gap: float) -> tuple[TriSurface, Separated]:
-    from cortet.geometry.closest_point import tree_of
-    from cortet.geometry.intersection import self_intersections
-    from cortet.geometry.nesting import depths, joined
-    from cortet.geometry.separation import gaps_to_keep, kept_apart
-    from cortet.geometry.topology import enclosed_volume
-
     tree = tree_of(container)
     depth, _, _ = depths(tree, container, surface.points)
     crossing = len(self_intersections(joined([surface, container])))
@@ -240,18 +209,3 @@ def _moved_inside(surface: TriSurface, container: TriSurface, *, name: str, gap:
         report.moved_mean_mm,
     )
     return moved, report
-
-
-STAGE = Stage(
-    name="separate",
-    order=50,
-    does="moves inner surfaces away from the one around them",
-    label="separated",
-    takes=("surface",),
-    gives="surface",
-    parameters=Regions,
-    section="regions",
-    facts=("cell_size",),
-    cost=Cost((700, 0), (15, 0)),
-    nested=True,
-)

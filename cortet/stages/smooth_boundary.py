@@ -9,27 +9,27 @@ from __future__ import annotations
 
 import logging
 import tempfile
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from shutil import which
-from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from cortet.config.section import Boundary
+from cortet.config.stages import BoundarySmoothing, Clean, SmoothBoundary
 from cortet.errors import StageError
+from cortet.formats import child, gifti
+from cortet.geometry.closest_point import SurfaceTree, closest_points, tree_of
+from cortet.geometry.nesting import joined, sheets
+from cortet.geometry.topology import edges, sheet
+from cortet.measure.fidelity import Distances, boundary_roughness, summary
+from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.sections import Boundary, Cost, PositiveInt, Section, Threshold
-from cortet.stages.clean import Clean, clean
-from cortet.stages.stage import Certificate, Stage, counted, parameters_of
-
-if TYPE_CHECKING:
-    from cortet.geometry.closest_point import SurfaceTree
-    from cortet.measure.fidelity import Distances
+from cortet.optimise.crossing import without_crossing
+from cortet.optimise.soundness import require_sound
+from cortet.stages.clean import clean
 
 VERSION: int = 8
-
-Method = Literal["laplacian", "workbench"]
 
 #: strength of `wb_command -surface-smoothing`, as published
 _STRENGTH = 0.7
@@ -41,34 +41,11 @@ _RETRIES = 4
 logger = logging.getLogger(__name__)
 
 
-class SmoothBoundary(Section):
-    """Post-mesh smoothing of the boundary (paper, section 4.4), with a cleaning of its own."""
-
-    enabled: bool = False
-    """true adds the stage."""
-    method: Method = "laplacian"
-    """laplacian: PyMeshLab's surface-preserving one; workbench: wb_command -surface-smoothing, if it is installed."""
-    iterations: PositiveInt = 3
-    """Iterations; halved, up to four times, when an element inverts."""
-    onto_surface: bool = True
-    """true puts the boundary back onto the surface after each iteration; false lets it leave it."""
-    thresholds: list[Threshold] = [0.7, 0.5]
-    """Passes of the cleaning afterwards, as in clean; a further one at 0.3 does not converge here (paper)."""
-
-    def programs(self) -> dict[str, str]:
-        """Connectome Workbench, where it is the method."""
-        return {"wb_command": "smooth_boundary.method: laplacian"} if self.method == "workbench" else {}
-
-    def excludes_inner_surfaces(self) -> str:
-        """Interfaces that left their surfaces would meet."""
-        return "" if self.onto_surface else "smooth_boundary.onto_surface: false"
-
-
 @dataclass(frozen=True)
 class SmoothBoundaryReport:
     """What was done, and the result."""
 
-    method: Method
+    method: BoundarySmoothing
     onto_surface: bool
     #: the requested number, halved until no element inverted; 0 if even one iteration inverts some
     iterations: int
@@ -101,14 +78,6 @@ def smooth_boundary(
     ------
     StageError : the given mesh has inverted elements, or `wb_command` is not installed or failed
     """
-    from cortet.geometry.closest_point import closest_points, tree_of
-    from cortet.geometry.nesting import joined, sheets
-    from cortet.geometry.topology import sheet
-    from cortet.measure.fidelity import boundary_roughness, summary
-    from cortet.measure.quality import quality, signed_volumes
-    from cortet.optimise.crossing import without_crossing
-    from cortet.optimise.soundness import require_sound
-
     before = quality(mesh.points, mesh.cells)
     require_sound(mesh, before)
     given = sheets(surface)
@@ -159,9 +128,8 @@ def smooth_boundary(
     )
 
 
-def _smoothed(boundary: TriSurface, method: Method, iterations: int, tree: SurfaceTree | None) -> FloatArray:
+def _smoothed(boundary: TriSurface, method: BoundarySmoothing, iterations: int, tree: SurfaceTree | None) -> FloatArray:
     """Positions of the boundary's vertices after smoothing, (b, 3) mm; each iteration ends on the surface, if given."""
-    from cortet.geometry.closest_point import closest_points
     from cortet.geometry.smoothing import surface_preserving
 
     smooth = {"laplacian": surface_preserving, "workbench": _workbench}[method]
@@ -175,8 +143,6 @@ def _smoothed(boundary: TriSurface, method: Method, iterations: int, tree: Surfa
 
 
 def _workbench(boundary: TriSurface, *, iterations: int) -> FloatArray:
-    from cortet.formats import child, gifti
-
     program = which("wb_command")
     if program is None:
         raise StageError(
@@ -195,8 +161,6 @@ def _workbench(boundary: TriSurface, *, iterations: int) -> FloatArray:
 
 def _followed(mesh: TetMesh, nodes: IntArray, target: FloatArray) -> FloatArray:
     """Move boundary `nodes` to `target`, and nodes of the layers below by a share of their upper neighbours' mean."""
-    from cortet.geometry.topology import edges
-
     shift = np.zeros_like(mesh.points)
     shift[nodes] = target - mesh.points[nodes]
     links = edges(mesh.cells)
@@ -214,22 +178,3 @@ def _followed(mesh: TetMesh, nodes: IntArray, target: FloatArray) -> FloatArray:
     points = mesh.points + shift
     points[nodes] = target
     return points
-
-
-def _sentence(certificates: Sequence[Certificate]) -> str:
-    for done in parameters_of("smooth_boundary", certificates)[:1]:
-        return f"The boundary was smoothed ({counted(done['iterations'], 'iteration')}, method {done['method']})."
-    return ""
-
-
-STAGE = Stage(
-    name="smooth_boundary",
-    order=110,
-    does="smooths the boundary",
-    label="BoundarySmoothed",
-    takes=("mesh", "surface"),
-    gives="mesh",
-    parameters=SmoothBoundary,
-    cost=Cost((400, 430), (4, 10)),
-    sentence=_sentence,
-)

@@ -9,16 +9,19 @@ age, which offers three strengths, and the strongest that changes little else is
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
+from scipy.spatial import cKDTree
 
+from cortet.config.stages import SmoothingMethod, SmoothSurface
 from cortet.errors import InputError
+from cortet.geometry import topology
+from cortet.geometry.closest_point import closest_points, tree_of
+from cortet.geometry.intersection import self_intersections
+from cortet.geometry.smoothing import curvatures, surface_preserving, taubin
+from cortet.measure.fidelity import high_frequency_roughness
 from cortet.meshes import FloatArray, TriSurface, single_precision
-from cortet.sections import Cost, Fraction, Positive, Section
-from cortet.stages.stage import Certificate, Stage, parameters_of
 
 VERSION: int = 2
 
@@ -35,33 +38,7 @@ ITERATIONS = (
 STEPS = (2, 5, 10, 20, 40)
 _LAMBDA, _MU = 0.5, -0.53
 
-Method = Literal["taubin", "published"]
-
 logger = logging.getLogger(__name__)
-
-
-class SmoothSurface(Section):
-    """Smoothing of the input surface, as much as it is rough, or by gestational age as in the paper (PyMeshLab)."""
-
-    enabled: bool = True
-    """false leaves the stage out: the surface is meshed as the gate lets it through."""
-    method: Method = "taubin"
-    """taubin removes stair steps without shrinking, where there are some; published smooths by gestational age, and is
-    left out where that is not known."""
-    max_roughness: Positive = 0.03
-    """taubin: roughness (mean bi-Laplacian along the normals over the mean edge) up to which a surface is not smoothed;
-    atlas surfaces have 0.006 to 0.027, the stair steps of a label image 0.11."""
-    max_area_change: Fraction = 0.08
-    """Largest relative change of the area; stair steps have some of their own, which goes with them."""
-    max_volume_change: Fraction | None = 0.01
-    """Largest relative change of the volume; null: no limit."""
-    max_displacement: Positive = 0.05
-    """Largest mean distance to the unsmoothed surface, mm: a tenth of a voxel of 0.5 mm. Of taubin from surface to
-    surface, of published from vertex to nearest vertex."""
-
-    def runs(self, *, aged: bool) -> bool:
-        """The published method asks for the age."""
-        return self.enabled and (aged or self.method != "published")
 
 
 @dataclass(frozen=True)
@@ -100,7 +77,7 @@ class Candidate:
 class SmoothReport:
     """What was tried and what was chosen."""
 
-    method: Method
+    method: SmoothingMethod
     #: None if it is not known
     gestational_age_weeks: float | None
     chosen_iterations: int
@@ -163,8 +140,6 @@ def _by_age(
     surface: TriSurface, gestational_age: float, settings: SmoothSurface, before: Candidate
 ) -> tuple[dict[int, TriSurface], tuple[Candidate, ...], list[Candidate]]:
     """The surface after each number of iterations, the candidates, and those that may be chosen."""
-    from cortet.geometry.smoothing import surface_preserving
-
     offered = candidate_iterations(gestational_age)
     tried = {0: surface}
     for iterations in filter(None, offered):
@@ -181,8 +156,6 @@ def _by_roughness(
     surface: TriSurface, settings: SmoothSurface, before: Candidate
 ) -> tuple[dict[int, TriSurface], tuple[Candidate, ...]]:
     """The surface after ever more steps, until it is smooth or breaks a limit; and the candidates."""
-    from cortet.geometry.smoothing import taubin
-
     tried, candidates = {0: surface}, [before]
     for steps in STEPS:
         if candidates[-1].high_frequency_roughness <= settings.max_roughness or candidates[-1].breaks:
@@ -200,11 +173,6 @@ def candidate_iterations(gestational_age: float) -> tuple[int, ...]:
 
 def _candidate(before: TriSurface, after: TriSurface, iterations: int, limits: SmoothSurface) -> Candidate:
     """Measure one candidate and compare it with the limits."""
-    from cortet.geometry import topology
-    from cortet.geometry.intersection import self_intersections
-    from cortet.geometry.smoothing import curvatures
-    from cortet.measure.fidelity import high_frequency_roughness
-
     area = float(topology.face_areas(after.points, after.faces).sum())
     area_change = area / float(topology.face_areas(before.points, before.faces).sum()) - 1
     volume = topology.enclosed_volume(after.points, after.faces)
@@ -243,51 +211,12 @@ def _candidate(before: TriSurface, after: TriSurface, iterations: int, limits: S
 
 def mean_nearest_vertex_distance(one: FloatArray, other: FloatArray) -> float:
     """Mean distance to the nearest vertex of the other set, the mean of both directions; (n, 3) and (m, 3) mm."""
-    from scipy.spatial import cKDTree
-
     there, back = cKDTree(other).query(one)[0], cKDTree(one).query(other)[0]
     return float(there.mean() + back.mean()) / 2
 
 
 def mean_surface_distance(one: TriSurface, other: TriSurface) -> float:
     """Mean distance of the vertices of each surface from the other surface, averaged over both directions; mm."""
-    from cortet.geometry.closest_point import closest_points, tree_of
-
     there = closest_points(tree_of(other), one.points).distances
     back = closest_points(tree_of(one), other.points).distances
     return float(there.mean() + back.mean()) / 2
-
-
-#: method -> its words in the methods paragraph
-_SAID = {
-    "taubin": "Surfaces rougher than {max_roughness:g} (mean bi-Laplacian along the normals over the mean edge) were "
-    "smoothed by the filter of Taubin",
-    "published": "{whose} were smoothed by age, by a surface-preserving Laplacian",
-}
-
-
-def _sentence(certificates: Sequence[Certificate]) -> str:
-    smoothed = parameters_of("smooth_surface", certificates)
-    if not smoothed:
-        return ""
-    done = smoothed[0]
-    whose = "Surfaces" if len(smoothed) == len(certificates) else "Surfaces of known age"
-    return (
-        f"{_SAID[done['method']].format(whose=whose, **done)} (PyMeshLab; area change at most "
-        f"{100 * done['max_area_change']:g} %, mean displacement at most {done['max_displacement']:g} mm)."
-    )
-
-
-STAGE = Stage(
-    name="smooth_surface",
-    order=40,
-    does="smooths the surface as much as it is rough",
-    label="smoothed",
-    takes=("surface",),
-    gives="surface",
-    parameters=SmoothSurface,
-    facts=("gestational_age",),
-    cost=Cost((600, 0), (7, 0)),
-    sentence=_sentence,
-    alone=True,
-)

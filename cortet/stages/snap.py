@@ -8,19 +8,18 @@ tried again. Nodes that would make the boundary cross itself stay where they are
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cortet.config.stages import Clean, Snap
+from cortet.geometry.closest_point import SurfaceTree, closest_points, tree_of
+from cortet.geometry.topology import boundary_nodes
+from cortet.measure.quality import quality
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.sections import Cost, Section, Threshold
-from cortet.stages.clean import Clean, clean
-from cortet.stages.stage import Certificate, Stage, parameters_of
-
-if TYPE_CHECKING:
-    from cortet.geometry.closest_point import SurfaceTree
+from cortet.optimise.backing_off import back_off
+from cortet.optimise.crossing import without_crossing
+from cortet.stages.clean import clean
 
 VERSION: int = 6
 
@@ -30,15 +29,6 @@ ON_SURFACE_MM = 1e-4
 REPAIR_ROUNDS, REPAIR = 3, Clean(thresholds=[0.5, 0.3], boundary="slide")
 
 logger = logging.getLogger(__name__)
-
-
-class Snap(Section):
-    """S6: boundary nodes to the nearest point of the input surface."""
-
-    enabled: bool = False
-    """true adds the stage; after `boundary: slide` there is nothing left for it to do."""
-    q_max: Threshold = 0.6
-    """Elements that snapping makes worse than this are repaired."""
 
 
 @dataclass(frozen=True)
@@ -73,11 +63,6 @@ def snap(mesh: TetMesh, surface: TriSurface, settings: Snap = Snap()) -> tuple[T
     StageError
         the given mesh has inverted elements
     """
-    from cortet.geometry.closest_point import closest_points, tree_of
-    from cortet.geometry.topology import boundary_nodes
-    from cortet.measure.quality import quality
-    from cortet.optimise.crossing import without_crossing
-
     tree = tree_of(surface)
     nodes = boundary_nodes(mesh)
     found = closest_points(tree, mesh.points[nodes])
@@ -120,9 +105,6 @@ def _brought(
 
     Returns also how often the mesh was cleaned.
     """
-    from cortet.geometry.closest_point import closest_points
-    from cortet.optimise.backing_off import back_off
-
     rounds = 0
     while True:
         places = closest_points(tree, mesh.points[nodes]).points
@@ -141,22 +123,3 @@ def _placed(points: FloatArray, nodes: IntArray, places: FloatArray) -> FloatArr
     moved = points.copy()
     moved[nodes] = places
     return moved
-
-
-def _sentence(certificates: Sequence[Certificate]) -> str:
-    done = parameters_of("snap", certificates)
-    return "Boundary nodes were put onto the nearest point of the surface." if done else ""
-
-
-STAGE = Stage(
-    name="snap",
-    order=120,
-    does="puts the boundary onto the surface",
-    label="Snapped",
-    takes=("mesh", "surface"),
-    gives="mesh",
-    number="S6",
-    parameters=Snap,
-    cost=Cost((400, 430), (4, 10)),
-    sentence=_sentence,
-)

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cortet.config.stages import Transfer
 from cortet.errors import StageError
+from cortet.geometry.topology import boundary_faces, boundary_nodes, enclosed_volume, used_vertices
+from cortet.measure.quality import signed_volumes
 from cortet.meshes import MeshSets, TetMesh, TriSurface
-from cortet.sections import Cost
-from cortet.stages.stage import Stage
-from cortet.stages.transfer import Transfer, transfer
+from cortet.stages.transfer import transfer
 
 VERSION: int = 1
 
@@ -58,9 +59,6 @@ def surface_nodes_first(mesh: TetMesh) -> tuple[TetMesh, SolverReadyReport]:
     StageError
         a volume is not positive, a node unused, or the volumes do not add up to what the boundary encloses
     """
-    from cortet.geometry.topology import boundary_faces, boundary_nodes, enclosed_volume, used_vertices
-    from cortet.measure.quality import signed_volumes
-
     volumes = signed_volumes(mesh.points, mesh.cells)
     if bad := int((~(volumes > 0)).sum()):
         raise StageError(f"{bad} tetrahedra have no positive volume", remedy="look at the reports of the stages before")
@@ -93,17 +91,3 @@ def surface_nodes_first(mesh: TetMesh) -> tuple[TetMesh, SolverReadyReport]:
         volume_mm3=float(volumes.sum()),
         enclosed_volume_mm3=enclosed,
     )
-
-
-STAGE = Stage(
-    name="solver_ready",
-    order=130,
-    does="orders nodes and elements",
-    label="Solver",
-    takes=("mesh", "surface"),
-    gives="mesh",
-    number="S5",
-    parameters=Transfer,
-    section="transfer",  # it carries the fields onto the final positions as S2 did
-    cost=Cost((240, 180), (3, 2)),
-)

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
+from cortet.config.stages import Interior, Transfer
+from cortet.geometry.closest_point import closest_points, tree_of
+from cortet.geometry.interpolation import at_triangles, is_label
+from cortet.geometry.nesting import sheets
+from cortet.geometry.topology import boundary_nodes, numbers, sheet
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.sections import Cost, Section
-from cortet.stages.stage import Stage
+from cortet.stages._harmonic import harmonic
 
 VERSION: int = 1
-
-Interior = Literal["nearest", "harmonic"]
 
 #: field of the distance between two surfaces
 THICKNESS = "thickness"
@@ -23,14 +26,6 @@ THICKNESS = "thickness"
 FAR_MM = 1.0
 
 logger = logging.getLogger(__name__)
-
-
-class Transfer(Section):
-    """S2, and once more before S5: the surface's fields on the nodes of the mesh."""
-
-    interior: Interior = "nearest"
-    """Values of interior nodes: nearest takes those of the nearest boundary node, harmonic solves Laplace's equation.
-    Labels always come from the nearest boundary node."""
 
 
 @dataclass(frozen=True)
@@ -70,10 +65,6 @@ def transfer(mesh: TetMesh, surface: TriSurface, settings: Transfer = Transfer()
     StageError
         harmonic interpolation did not converge
     """
-    from cortet.geometry.closest_point import closest_points, tree_of
-    from cortet.geometry.interpolation import at_triangles, is_label
-    from cortet.geometry.topology import boundary_nodes
-
     if surface.inner:
         return _of_all_sheets(mesh, with_thickness(surface), settings.interior)
     nodes = boundary_nodes(mesh)
@@ -115,10 +106,6 @@ def _warned_of_far(distances: FloatArray, nodes: str, surface: str) -> int:
 
 def _nearest(points: FloatArray, nodes: IntArray) -> IntArray:
     """Index in `nodes` (b,), ascending, of the node nearest to each of all `points` (n, 3): (n,) int32."""
-    from scipy.spatial import cKDTree
-
-    from cortet.geometry.topology import numbers
-
     source = numbers(nodes, len(points))
     inner = np.flatnonzero(source < 0)
     source[inner] = cKDTree(points[nodes]).query(points[inner])[1]
@@ -140,14 +127,6 @@ def with_thickness(surface: TriSurface) -> TriSurface:
 
 def _of_all_sheets(mesh: TetMesh, surface: TriSurface, interior: Interior) -> tuple[TetMesh, TransferReport]:
     """Carry the fields of a surface and of its inner surfaces."""
-    from scipy.spatial import cKDTree
-
-    from cortet.geometry.closest_point import closest_points, tree_of
-    from cortet.geometry.interpolation import at_triangles, is_label
-    from cortet.geometry.nesting import sheets
-    from cortet.geometry.topology import sheet
-    from cortet.stages._harmonic import harmonic
-
     known: dict[str, list[tuple[IntArray, NDArray[Any]]]] = {}
     distances, far = [], 0
     called = [("boundary nodes", "the surface"), *((f"nodes of the interface {name}", name) for name in surface.inner)]
@@ -184,9 +163,6 @@ def _harmonic_inside(
     mesh: TetMesh, nodes: IntArray, fields: dict[str, NDArray[Any]]
 ) -> tuple[dict[str, NDArray[Any]], int]:
     """Fields other than labels with harmonic values inside, and the number of nodes whose values were clipped."""
-    from cortet.geometry.interpolation import is_label
-    from cortet.stages._harmonic import harmonic
-
     smooth = {name: values for name, values in fields.items() if not is_label(values)}
     if not smooth:
         return fields, 0
@@ -196,17 +172,3 @@ def _harmonic_inside(
     parts = np.split(solved, ends[:-1], axis=1)
     harmonics = {name: part.reshape(values.shape) for (name, values), part in zip(smooth.items(), parts, strict=True)}
     return {name: harmonics.get(name, values) for name, values in fields.items()}, cut_off
-
-
-STAGE = Stage(
-    name="transfer",
-    order=70,
-    does="carries fields to the mesh",
-    label="Transferred",
-    takes=("mesh", "surface"),
-    gives="mesh",
-    number="S2",
-    parameters=Transfer,
-    cost=Cost((230, 125), (2, 3)),
-    shared_by_settings=True,
-)

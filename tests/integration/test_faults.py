@@ -20,12 +20,13 @@ import pytest
 from cortet.cohort.lock import NAME
 from cortet.config import Config, load
 from cortet.formats.gifti import write_surface
+from cortet.stages import stages_of
 from tests.integration.study import STATUS, Study, is_result, surface
 
 pytestmark = pytest.mark.thorough
 
 SABOTAGE = Path(__file__).parent / "sabotage"
-STAGES = [stage.name for stage in Config().line() if stage.name != "repair"]  # part of the job `gate`
+STAGES = [stage.name for stage in stages_of(Config()) if stage.name != "repair"]  # part of the job `gate`
 JOBS = (*STAGES, "certify", "export")
 
 

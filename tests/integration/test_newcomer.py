@@ -1,4 +1,4 @@
-"""A stage is one new file and its rule, a mesher one new file: a copy of the package runs both through the workflow."""
+"""A stage and a mesher are a new file each and some lines: a copy of the package runs both through the workflow."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from cortet.formats import vtu
 from tests.integration import loaded_snakemake
 from tests.integration.study import CONFIG, ROOT
 
-STAGE = '''"""Mark how high above the lowest node each node lies."""
-
-from __future__ import annotations
-
-from dataclasses import dataclass, replace
-
-from cortet.meshes import TetMesh
-from cortet.sections import Cost, Positive, Section
-from cortet.stages.stage import Stage, parameters_of
-
-VERSION: int = 1
-
-
-class Mark(Section):
+SECTION = '''class Mark(Section):
     """Heights of nodes."""
 
     enabled: bool = True
     """false leaves the stage out."""
     unit: Positive = 2.0
     """Length that counts as 1, mm."""
+
+
+'''
+STAGE = '''"""Mark how high above the lowest node each node lies."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from cortet.config.stages import Mark
+from cortet.meshes import TetMesh
+
+VERSION: int = 1
 
 
 @dataclass(frozen=True)
@@ -48,24 +48,15 @@ def mark(mesh: TetMesh, settings: Mark = Mark()) -> tuple[TetMesh, MarkReport]:
     """The mesh with a field `height` (n,), in units of `settings.unit` mm."""
     height = (mesh.points[:, 2] - mesh.points[:, 2].min()) / settings.unit
     return replace(mesh, point_data={**mesh.point_data, "height": height}), MarkReport(float(height.max()))
-
-
-def _sentence(certificates):
-    return "Heights were marked." if parameters_of("mark", certificates) else ""
-
-
-STAGE = Stage(
-    name="mark",
-    order=95,
-    does="marks the height of each node",
-    label="Marked",
-    takes=("mesh",),
-    gives="mesh",
-    parameters=Mark,
-    cost=Cost((200, 100), (2, 1)),
-    sentence=_sentence,
-)
 '''
+ENTRY = """    Stage(
+        name="mark",
+        does="marks the height of each node",
+        label="Marked",
+        takes=("mesh",),
+        gives="mesh",
+    ),
+"""
 MESHER = '''"""TetGen inside the triangles of the surface as they are."""
 
 from __future__ import annotations
@@ -76,7 +67,7 @@ from cortet.meshes import TriSurface
 from cortet.meshers.mesher import Facts, Filled, Mesher
 
 if TYPE_CHECKING:
-    from cortet.meshers._section import Generate
+    from cortet.config.stages import Generate
 
 
 def fill(surface: TriSurface, settings: Generate, facts: Facts) -> Filled:
@@ -91,17 +82,34 @@ def fill(surface: TriSurface, settings: Generate, facts: Facts) -> Filled:
     return Filled(mesh, (checked(mesh, surface, flat=flat),), "tetgen")
 
 
-MESHERS = (Mesher(name="plain", order=90, printed="Plain", fill=fill),)
+MESHERS = (Mesher(name="plain", printed="Plain", fill=fill),)
 '''
+#: file, the text before which a newcomer writes, what he writes
+LINES = [
+    ("config/stages.py", "class Reconnect(Section):", SECTION),
+    ("config/stages.py", '"cgal", "lattice", ', '"plain", '),
+    ("config/model.py", "    Reconnect,\n", "    Mark,\n"),
+    ("config/model.py", "    reconnect: Reconnect", "    mark: Mark = Mark()\n"),
+    ("stages/__init__.py", '    Stage(\n        name="reconnect"', ENTRY),
+    ("meshers/__init__.py", "from cortet.meshers.mesher", "from cortet.meshers import plain\n"),
+    ("meshers/__init__.py", "*cgal.MESHERS, ", "*plain.MESHERS, "),
+    ("cohort/resources.py", '    "reconnect": Cost', '    "mark": Cost((200, 100), (2, 1)),\n'),
+    ("report/stage_sentences.py", '    "reconnect": _', '    "mark": lambda _: "Heights were marked.",\n'),
+]
 
 
-def test_a_stage_is_a_file_and_a_rule_and_a_mesher_is_a_file(tmp_path: Path) -> None:
+def test_a_newcomer_adds_a_stage_and_a_mesher(tmp_path: Path) -> None:
     project, study = tmp_path / "project", tmp_path / "study"
     for name in ("cortet", "rules", "scripts", "envs", "profiles"):
         shutil.copytree(ROOT / name, project / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "Snakefile", project)
     (project / "cortet/stages/mark.py").write_text(STAGE)
     (project / "cortet/meshers/plain.py").write_text(MESHER)
+    for file, before, text in LINES:
+        path = project / "cortet" / file
+        content = path.read_text()
+        assert content.count(before) == 1, (file, before)
+        path.write_text(content.replace(before, text + before))
     rules = (project / "rules/mesh.smk").read_text()
     relocate = re.search(r"^rule relocate:.*?relocate.*?mesh_stage.py\"\n", rules, re.DOTALL | re.MULTILINE)
     assert relocate

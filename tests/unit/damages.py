@@ -24,6 +24,7 @@ import yaml
 from cortet.cohort.scan import scan
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
 from cortet.config import Config, load
+from cortet.config.stages import Generate, Repair
 from cortet.errors import CortetError
 from cortet.formats import FORMATS, read_mesh
 from cortet.formats.gifti import read_fields, read_label_names, read_surface, write_surface
@@ -38,8 +39,8 @@ from cortet.solver_files.label_surfaces import surfaces_of_labels
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.volumes import require_in_place
 from cortet.stages.gate import gate
-from cortet.stages.generate import Generate, generate
-from cortet.stages.repair import Repair, repair
+from cortet.stages.generate import generate
+from cortet.stages.repair import repair
 from cortet.stages.solver_ready import surface_nodes_first
 from cortet.stages.transfer import transfer
 

@@ -14,12 +14,12 @@ from pydantic import ValidationError
 from shapes import horseshoe
 from wrong_meshes import sound, with_slit
 
+from cortet.config.sections import Certify
 from cortet.errors import InputError
 from cortet.geometry.banks import banks, gaps, slits
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import SCHEMA, Certificate, certify
 from cortet.measure.checks import NAMES, Comparison, checked, remedies, with_cell_size
-from cortet.measure.limits import Certify
 from cortet.meshes import TetMesh, TriSurface
 from cortet.report.case_page import of_check
 

@@ -5,12 +5,13 @@ import pytest
 from pydantic import ValidationError
 from shapes import ball_mesh, ball_surface
 
+from cortet.config.stages import Clean
 from cortet.errors import StageError
 from cortet.geometry import topology
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.measure.quality import quality
 from cortet.meshes import TetMesh
-from cortet.stages.clean import Clean, clean, schedule
+from cortet.stages.clean import clean, schedule
 
 SURFACE = ball_surface(2, 1.0)
 

@@ -15,11 +15,12 @@ from shapes import ball_surface
 
 from cortet.cohort.sheet import Case
 from cortet.cohort.status import COLUMNS as STATUS
+from cortet.config.sections import Certify
+from cortet.config.stages import Resample
 from cortet.formats.tables import names, read_columns, sidecar, write_table
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import certify
-from cortet.measure.limits import Certify
 from cortet.report import DATA, cohort_page, cohort_tables
 from cortet.report.cohort_tables import (
     QUALITY_COLUMNS,
@@ -32,7 +33,7 @@ from cortet.report.cohort_tables import (
 )
 from cortet.report.records import read_certificate
 from cortet.stages.repair import repair
-from cortet.stages.resample import Resample, resample
+from cortet.stages.resample import resample
 
 CASES = [
     Case("01", "a", "L", 22.5, "phantom", extra={"site": "x"}),

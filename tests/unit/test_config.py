@@ -8,16 +8,19 @@ import re
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
+from typing import get_args
 
 import pytest
 import yaml
 
 from cortet import config
 from cortet.config import keys_not_given
+from cortet.config.section import Section
+from cortet.config.sections import StageName
+from cortet.config.stages import MesherName
 from cortet.errors import InputError
-from cortet.folding.section import Settings
-from cortet.sections import Section
-from cortet.stages import STAGES
+from cortet.meshers import MESHERS
+from cortet.stages import MESH_STAGES, STAGES, arguments_of, record_of, require_programs
 
 ROOT = Path(__file__).parents[2]
 FACTS = {
@@ -59,10 +62,11 @@ def test_every_key_is_described() -> None:
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_a_stage_gets_exactly_the_parameters_its_function_takes(stage: str) -> None:
-    given = config.Config().arguments(stage, FACTS)
-    settings, facts = STAGES[stage].parameters.split(given)
+    given = arguments_of(config.Config(), stage, FACTS)
+    settings, facts = type(STAGES[stage].section_of(config.Config())).split(given)
     assert settings.model_dump(mode="json").items() >= {key: given[key] for key in given.keys() - facts}.items()
-    takes = inspect.signature(STAGES[stage].function).parameters.values()
+    function = getattr(import_module(f"cortet.stages.{stage}"), stage)
+    takes = inspect.signature(function).parameters.values()
     positional = [p.name for p in takes if p.kind is not p.KEYWORD_ONLY]
     assert positional == [*STAGES[stage].takes, "settings"]
     keywords = {p.name for p in takes if p.kind is p.KEYWORD_ONLY}
@@ -71,20 +75,14 @@ def test_a_stage_gets_exactly_the_parameters_its_function_takes(stage: str) -> N
     assert keywords - set(facts) <= {"held", "inside", "time_limit", "most_the_same"}
 
 
-def test_the_folding_section_holds_the_settings_of_a_run() -> None:
-    given = set(config.Config().arguments("fold", FACTS))
-    assert given == Settings.model_fields.keys() - Settings.choices
+def test_the_names_in_the_configuration_are_those_of_stages_and_meshers() -> None:
+    assert get_args(StageName) == tuple(MESH_STAGES) and get_args(MesherName) == tuple(MESHERS)
 
 
 def test_stage_parameters_are_plain_data_with_the_version_of_the_stage() -> None:
-    parameters = config.Config().record("generate", FACTS)
+    parameters = record_of(config.Config(), "generate", FACTS)
     assert json.loads(json.dumps(parameters)) == parameters
     assert parameters["version"] == import_module("cortet.stages.generate").VERSION
-
-
-def test_what_chooses_the_meshes_to_measure_is_no_argument_of_measuring_one() -> None:
-    more = config.load({"quality": {"stages": ["generate", "transfer", "solver_ready"]}})
-    assert more.record("quality") == config.Config().record("quality")
 
 
 def test_a_backend_without_what_is_asked_of_it_is_refused_when_the_configuration_is_read() -> None:
@@ -111,8 +109,8 @@ def test_a_program_that_is_called_and_missing_is_named_before_anything_runs(
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(InputError, match=words):
-        config.load(data).require_programs()
-    config.Config().require_programs()
+        require_programs(config.load(data))
+    require_programs(config.Config())
 
 
 def test_the_default_is_the_lattice_mesher_without_gmsh_and_cgal_has_both() -> None:

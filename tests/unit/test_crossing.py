@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from shapes import horseshoe
 
+from cortet.config.stages import Clean, Generate, Snap
 from cortet.geometry import topology
 from cortet.geometry.banks import banks as smallest
 from cortet.geometry.limits import LEAST_BANK_GAP
@@ -16,10 +17,9 @@ from cortet.optimise import crossing
 from cortet.optimise.crossing import Flaws, crossing_faces, flaws_since, without_crossing
 from cortet.stages import smooth_boundary as smoothing_stage
 from cortet.stages import snap as snap_stage
-from cortet.stages.clean import Clean, clean
-from cortet.stages.generate import Generate, generate
+from cortet.stages.clean import clean
+from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
-from cortet.stages.snap import Snap
 
 GAP = 0.4  # mm, between the banks; the cells are three times as large
 

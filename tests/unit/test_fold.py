@@ -20,6 +20,7 @@ from cubes import cube_mesh
 from shapes import ball_mesh
 
 from cortet.config import load
+from cortet.config.fold import Model
 from cortet.errors import InputError
 from cortet.folding import fold as fold_module
 from cortet.folding.body import THICKNESS, Material, growth_mask, scale_of
@@ -29,7 +30,7 @@ from cortet.folding.law import ALONG
 from cortet.folding.measurements import COLUMNS, Measurements
 from cortet.folding.models import CONSTANTS
 from cortet.folding.run import beginning, prepared, thickness_mm, time_step_of
-from cortet.folding.section import Model, Settings
+from cortet.folding.section import Settings
 from cortet.formats import braingrowth
 from cortet.formats.gifti import read_surface
 from cortet.formats.tables import names

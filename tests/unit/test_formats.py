@@ -15,6 +15,7 @@ from cubes import cube_mesh
 from exported import full_mesh
 from read_back import READERS, by_gmsh, by_meshio
 
+from cortet.config.stages import Generate
 from cortet.errors import InputError
 from cortet.formats import FORMATS, fenics, format_of, msh, read_mesh
 from cortet.formats.gifti import read_surface
@@ -24,7 +25,7 @@ from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, TetMesh
 from cortet.solver_files.export import write
 from cortet.solver_files.sets import named_sets
-from cortet.stages.generate import Generate, generate
+from cortet.stages.generate import generate
 from cortet.stages.solver_ready import surface_nodes_first
 from cortet.stages.transfer import transfer
 

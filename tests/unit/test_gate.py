@@ -10,12 +10,13 @@ import pytest
 import trimesh
 from shapes import ball_surface
 
+from cortet.config.stages import Gate
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
 from cortet.geometry import topology
 from cortet.geometry.intersection import self_intersections
 from cortet.meshes import TriSurface, single_precision
-from cortet.stages.gate import Gate, gate
+from cortet.stages.gate import gate
 
 DATA = Path(__file__).parents[2] / "../shared/data"
 

@@ -13,6 +13,7 @@ import trimesh
 from pydantic import ValidationError
 from shapes import ball_surface, bowl, horseshoe
 
+from cortet.config.stages import Generate
 from cortet.errors import InputError, StageError
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, boundary_nodes, enclosed_volume, surface_topology
@@ -22,7 +23,7 @@ from cortet.meshers import _nested as nested
 from cortet.meshers._cgal import PASSES
 from cortet.meshers.cgal import installed_backend
 from cortet.meshes import TetMesh, TriSurface
-from cortet.stages.generate import Generate, generate
+from cortet.stages.generate import generate
 
 pygalmesh = pytest.param(
     "pygalmesh",

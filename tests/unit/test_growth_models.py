@@ -205,7 +205,7 @@ def test_volumes_that_no_brain_has_are_refused(ball: TetMesh) -> None:
 
 def test_a_table_by_age_reaches_the_run_as_it_was_written(ball: TetMesh) -> None:
     section = {"growth_rate": {22: 0, 30: 0.3}, "hull": {22: 1.0, 40: 4}, "volume": {22: 20, 38: 90}, "thickness": 2.0}
-    values = load({"fold": section}).arguments("fold", {"gestational_age": 22.0, "hemisphere": None})
+    values = {**load({"fold": section}).fold.values(), "gestational_age": 22.0}
     handed_over = json.loads(json.dumps(values))  # as a rule does, which makes texts of the ages
     growth = prepared(ball, Settings(**handed_over)).growth.at(times_of(np.array([30.0])), 0.0)
     assert growth.growth[0, 0, ALONG] == pytest.approx(0.3)

@@ -8,6 +8,7 @@ import trimesh
 from scipy.spatial import KDTree
 from shapes import ball_surface
 
+from cortet.config.stages import Generate
 from cortet.formats.gifti import read_surface
 from cortet.geometry.closest_point import closer_than, closest_points, surface_tree
 from cortet.geometry.orientation import random_rotation
@@ -17,7 +18,7 @@ from cortet.meshers import _lattice as lattice
 from cortet.meshers._lattice import graded_nodes, lattice_nodes, tetrahedralised
 from cortet.meshers._nested import remesh_apart, wanted
 from cortet.meshes import TetMesh, TriSurface
-from cortet.stages.generate import Generate, generate
+from cortet.stages.generate import generate
 
 
 def box(size: float) -> TriSurface:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, ball_surface
 
+from cortet.config.sections import Certify
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import certify
-from cortet.measure.limits import Certify
 from cortet.measure.lost import distances_to, lost_places
 from cortet.meshes import TriSurface
 

@@ -13,12 +13,13 @@ from cubes import cube_mesh
 from shapes import ball_surface
 
 from cortet import doctor
+from cortet.config.stages import Clean
 from cortet.errors import StageError
 from cortet.measure.certify import versions
 from cortet.measure.quality import quality
 from cortet.meshes import TetMesh
 from cortet.stages._meshtool import clean_with_meshtool, program_version
-from cortet.stages.clean import Clean, clean
+from cortet.stages.clean import clean
 
 #: a script in place of the binary. As the real one does, it writes nothing and exits with 0 when no element is above
 #: the threshold; else it copies the mesh to -outmsh, moved by 0.001 mm, and then does its own `{twist}`

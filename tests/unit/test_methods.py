@@ -13,10 +13,11 @@ from cubes import cube_mesh
 
 from cortet.cohort.sheet import Case
 from cortet.config import load
+from cortet.config.sections import Certify
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import certify
-from cortet.measure.limits import Certify
 from cortet.report.methods import methods_text, write_methods
+from cortet.stages import record_of
 
 CASES = [
     Case("01", None, "L", 22.5, Path("a.surf.gii")),
@@ -35,8 +36,8 @@ def certificate(case: Case, setting: str = "cgal", **limits: Any) -> dict[str, A
         Certify(**limits),
         case=case.name,
         parameters={
-            "generate": config.record("generate", {"cell_size": 0.6, "mesher": "cgal"}),
-            **{stage: config.record(stage, {"gestational_age": 28.0, "cell_size": 0.6}) for stage in stages},
+            "generate": record_of(config, "generate", {"cell_size": 0.6, "mesher": "cgal"}),
+            **{stage: record_of(config, stage, {"gestational_age": 28.0, "cell_size": 0.6}) for stage in stages},
         },
         reports={"generate": {"topology_ok": True, "reason": "", "backend": "pygalmesh"}},
     )

@@ -15,14 +15,15 @@ import PIL.Image
 import pytest
 from shapes import ball_mesh, ball_surface
 
+from cortet.config.sections import Certify
+from cortet.config.stages import Resample
 from cortet.measure.certify import certify
-from cortet.measure.limits import Certify
 from cortet.meshes import TriSurface
 from cortet.report.case_page import about, write_case_page, write_failure_page
 from cortet.report.pages import embedded
 from cortet.report.pictures import thumbnail
 from cortet.stages.repair import repair
-from cortet.stages.resample import Resample, resample
+from cortet.stages.resample import resample
 
 HOSTILE = '</script><script>alert(1)</script><img src=x onerror=alert(2)> & "quoted" `<b>`'
 FAILURE = {

@@ -17,11 +17,11 @@ from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 from shapes import ball_mesh, ball_surface
 
 from cortet.cohort.status import COLUMNS
+from cortet.config.sections import Certify
 from cortet.formats.atomic import write_json
 from cortet.formats.tables import names
 from cortet.formats.tsv import write_tsv
 from cortet.measure.certify import certify
-from cortet.measure.limits import Certify
 from cortet.report.case_page import write_case_page, write_failure_page
 from cortet.report.cohort_page import write_cohort_page
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from cortet.config.stages import Repair
 from cortet.errors import InputError
 from cortet.geometry import rebuilding
 from cortet.geometry.grid_topology import skin
@@ -18,7 +19,7 @@ from cortet.geometry.topology import enclosed_volume, surface_topology
 from cortet.geometry.winding import winding_numbers
 from cortet.measure.lost import distances_to
 from cortet.meshes import FILLED, TriSurface
-from cortet.stages.repair import Repair, repair
+from cortet.stages.repair import repair
 from tests.unit.shapes import ball_surface
 
 BALL = ball_surface(3, radius=10.0)

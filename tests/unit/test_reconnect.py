@@ -5,6 +5,7 @@ import pytest
 from cubes import cube_mesh
 from shapes import ball_mesh, ball_surface
 
+from cortet.config.stages import Reconnect
 from cortet.geometry import topology
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.measure.quality import quality, signed_volumes
@@ -12,7 +13,7 @@ from cortet.meshes import TetMesh
 from cortet.optimise.crossing import Flaws
 from cortet.optimise.reconnection import searched
 from cortet.stages.clean import clean
-from cortet.stages.reconnect import Reconnect, reconnect
+from cortet.stages.reconnect import reconnect
 
 SURFACE = ball_surface(2, 1.0)
 

@@ -11,6 +11,7 @@ from shapes import ball_surface
 from wrong_meshes import sound, swapped_regions
 
 from cortet.config import load
+from cortet.config.stages import Generate, Regions, Transfer
 from cortet.errors import InputError
 from cortet.folding.body import body_of, scale_of, with_interface
 from cortet.folding.fold import fold
@@ -33,13 +34,13 @@ from cortet.report.case_page import write_case_page
 from cortet.solver_files.export import export
 from cortet.solver_files.sets import named_sets
 from cortet.stages.clean import clean
-from cortet.stages.generate import Generate, generate
+from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
-from cortet.stages.separate import Regions, separate
+from cortet.stages.separate import separate
 from cortet.stages.smooth_boundary import smooth_boundary
 from cortet.stages.snap import snap
 from cortet.stages.solver_ready import surface_nodes_first
-from cortet.stages.transfer import Transfer, transfer
+from cortet.stages.transfer import transfer
 
 PAIRS = Path(__file__).parents[3] / "shared" / "data" / "pairs"
 H = 2.0

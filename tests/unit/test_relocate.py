@@ -6,11 +6,12 @@ import pytest
 from cubes import cube_mesh
 from pydantic import ValidationError
 
+from cortet.config.stages import Relocate
 from cortet.errors import StageError
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import TetMesh
-from cortet.stages.relocate import Relocate, relocate
+from cortet.stages.relocate import relocate
 
 
 def rough_cube() -> TetMesh:

@@ -8,13 +8,14 @@ import pytest
 from shapes import ball_surface
 
 import cortet
+from cortet.config.stages import Regions
 from cortet.errors import InputError
 from cortet.formats.gifti import write_surface
 from cortet.formats.volumes import Volume
 from cortet.geometry.nesting import nested
 from cortet.measure.remarks import remarks
 from cortet.stages import separate as stage
-from cortet.stages.separate import Regions, separate
+from cortet.stages.separate import separate
 
 PARAMETERS = {"separate": {"min_gap": 0.5}, "generate": {"cell_size": 2.0}}
 

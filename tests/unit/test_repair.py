@@ -11,6 +11,7 @@ import pytest
 import trimesh
 from shapes import ball_surface, can
 
+from cortet.config.stages import Repair
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
 from cortet.geometry import mending
@@ -23,7 +24,7 @@ from cortet.measure.lost import distances_to
 from cortet.meshes import FILLED, TriSurface, single_precision
 from cortet.phantoms import phantom
 from cortet.stages.gate import gate
-from cortet.stages.repair import Repair, RepairReport, repair
+from cortet.stages.repair import RepairReport, repair
 
 DATA = Path(__file__).parents[2] / "../shared/data"
 

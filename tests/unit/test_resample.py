@@ -13,13 +13,14 @@ import pytest
 from numpy.typing import NDArray
 
 from cortet.config import load
+from cortet.config.stages import Resample
 from cortet.errors import InputError
 from cortet.formats.gifti import read_fields, read_surface, write_surface
 from cortet.geometry.icosphere import icosphere
 from cortet.meshes import FloatArray, TriSurface
 from cortet.phantoms import phantom, phantom_with_sphere
-from cortet.stages import STAGES
-from cortet.stages.resample import Resample, resample
+from cortet.stages import STAGES, arguments_of
+from cortet.stages.resample import resample
 
 SIZE = 30.0
 
@@ -86,11 +87,11 @@ def test_phantoms_of_other_triangles_have_the_same_vertices_in_the_same_places()
 def test_a_template_takes_the_place_of_the_icosphere(tmp_path: Path) -> None:
     write_surface(shifted_sphere(3), tmp_path / "L.sphere.surf.gii")
     config = load({"resample": {"template": str(tmp_path / "{hemi}.sphere.surf.gii")}})
-    arguments = config.arguments("resample", {"hemisphere": "L", "sphere_file": "a.surf.gii"})
+    arguments = arguments_of(config, "resample", {"hemisphere": "L", "sphere_file": "a.surf.gii"})
     made, _ = STAGES["resample"].run(*native(4), **arguments)
     assert len(made.points) == 642 and np.abs(made.points - egg(shifted_sphere(3).points)).max() < 0.4
     with pytest.raises(InputError, match="which hemisphere this is"):
-        config.arguments("resample", {"hemisphere": None, "sphere_file": "a.surf.gii"})
+        arguments_of(config, "resample", {"hemisphere": None, "sphere_file": "a.surf.gii"})
 
 
 def test_an_inner_surface_of_other_triangles_stays_as_it_is() -> None:

@@ -9,6 +9,8 @@ import yaml
 
 from cortet.cohort.resources import (
     COSTS,
+    LATTICE,
+    Cost,
     cost,
     disk_mb,
     expected_tets,
@@ -16,12 +18,11 @@ from cortet.cohort.resources import (
     memory_to_ask_mb,
     minutes_to_ask,
 )
+from cortet.config.stages import Generate
 from cortet.errors import InputError
 from cortet.geometry.topology import enclosed_volume
-from cortet.meshers import MESHERS
-from cortet.sections import Cost
 from cortet.stages import STAGES
-from cortet.stages.generate import Generate, generate
+from cortet.stages.generate import generate
 from tests.unit.shapes import ball_surface
 
 ROOT = Path(__file__).parents[2]
@@ -76,7 +77,7 @@ def test_a_mesh_that_was_measured_fits_into_what_is_asked_for() -> None:
 
 
 def test_the_lattice_has_a_cost_of_its_own_in_s1_only() -> None:
-    assert cost("generate", "lattice") is MESHERS["lattice"].cost
+    assert cost("generate", "lattice") is LATTICE
     assert cost("clean", "lattice") is cost("clean", "cgal") is COSTS["clean"]
     assert cost("gate_inner") is COSTS["gate"]
     assert Cost((100, 10), (1, 5)).memory_mb(2e6) == 120

@@ -12,6 +12,7 @@ from shapes import ball_surface
 import cortet
 from cortet.cli import main
 from cortet.config import load
+from cortet.config.stages import Generate
 from cortet.errors import InputError
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
@@ -20,7 +21,7 @@ from cortet.measure.quality import signed_volumes
 from cortet.meshers._sizes import _near
 from cortet.meshers.mesher import Sources
 from cortet.meshes import FloatArray, TetMesh
-from cortet.stages.generate import Generate, generate
+from cortet.stages.generate import generate
 
 H = 2.0
 

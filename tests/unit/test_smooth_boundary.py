@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, ball_surface
 
+from cortet.config.stages import SmoothBoundary
 from cortet.errors import StageError
 from cortet.geometry import topology
 from cortet.geometry.closest_point import closest_points, surface_tree
@@ -15,7 +16,7 @@ from cortet.meshes import TetMesh
 from cortet.optimise.backing_off import back_off
 from cortet.stages.clean import clean
 from cortet.stages.reconnect import reconnect
-from cortet.stages.smooth_boundary import SmoothBoundary, smooth_boundary
+from cortet.stages.smooth_boundary import smooth_boundary
 
 SURFACE = ball_surface(3, 1.0)
 

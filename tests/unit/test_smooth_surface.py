@@ -11,6 +11,7 @@ import pyvista as pv
 from shapes import ball_surface
 
 from cortet.config import SETTINGS
+from cortet.config.stages import SmoothSurface
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
 from cortet.geometry.intersection import self_intersections
@@ -18,12 +19,7 @@ from cortet.geometry.topology import enclosed_volume, face_areas
 from cortet.measure.fidelity import high_frequency_roughness
 from cortet.meshes import TriSurface, single_precision
 from cortet.phantoms import phantom
-from cortet.stages.smooth_surface import (
-    SmoothSurface,
-    candidate_iterations,
-    mean_nearest_vertex_distance,
-    smooth_surface,
-)
+from cortet.stages.smooth_surface import candidate_iterations, mean_nearest_vertex_distance, smooth_surface
 
 #: the method and the limits of the setting `published`
 PUBLISHED = SmoothSurface(**SETTINGS["published"]["smooth_surface"])

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from shapes import ball_surface
 
+from cortet.config.stages import Generate, Relocate, Snap
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import TetMesh, TriSurface
-from cortet.stages.generate import Generate, generate
-from cortet.stages.relocate import Relocate, relocate
-from cortet.stages.snap import ON_SURFACE_MM, Snap, snap
+from cortet.stages.generate import generate
+from cortet.stages.relocate import relocate
+from cortet.stages.snap import ON_SURFACE_MM, snap
 
 BALL = ball_surface(4)
 

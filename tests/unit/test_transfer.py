@@ -9,11 +9,12 @@ from pydantic import ValidationError
 from shapes import ball_mesh, ball_surface
 from threadpoolctl import threadpool_limits
 
+from cortet.config.stages import Generate, Transfer
 from cortet.geometry.topology import boundary_nodes, boundary_surface
 from cortet.meshes import TetMesh, TriSurface
 from cortet.stages._harmonic import harmonic
-from cortet.stages.generate import Generate, generate
-from cortet.stages.transfer import Transfer, transfer
+from cortet.stages.generate import generate
+from cortet.stages.transfer import transfer
 
 
 @pytest.fixture(scope="module")

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from shapes import ball_surface
 
+from cortet.config.stages import Reconnect
 from cortet.geometry import topology
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import TetMesh
 from cortet.optimise.backing_off import back_off
 from cortet.optimise.undoing import undone
 from cortet.stages.generate import generate
-from cortet.stages.reconnect import Reconnect, reconnect
+from cortet.stages.reconnect import reconnect
 
 SURFACE = ball_surface(4)
 

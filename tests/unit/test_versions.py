@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, ball_surface
 
-from cortet.config import SETTINGS, version_of
+from cortet.config import SETTINGS
+from cortet.config.stages import Generate, Reconnect, Resample, SmoothSurface
 from cortet.folding.fold import fold
 from cortet.folding.section import Settings
 from cortet.formats import vtu
@@ -25,16 +26,17 @@ from cortet.meshes import TetMesh, TriSurface
 from cortet.phantoms import phantom, phantom_with_sphere
 from cortet.stages.clean import clean
 from cortet.stages.gate import gate
-from cortet.stages.generate import Generate, generate
-from cortet.stages.reconnect import Reconnect, reconnect
+from cortet.stages.generate import generate
+from cortet.stages.reconnect import reconnect
 from cortet.stages.relocate import relocate
 from cortet.stages.repair import repair
-from cortet.stages.resample import Resample, resample
+from cortet.stages.resample import resample
 from cortet.stages.smooth_boundary import smooth_boundary
-from cortet.stages.smooth_surface import SmoothSurface, smooth_surface
+from cortet.stages.smooth_surface import smooth_surface
 from cortet.stages.snap import snap
 from cortet.stages.solver_ready import surface_nodes_first
 from cortet.stages.transfer import transfer
+from cortet.version import version_of
 
 GOLDEN = Path(__file__).with_name("golden.json")
 #: relative; rounding that differs between processors stays below, a change of method does not

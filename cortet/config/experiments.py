@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cortet.meshers import MesherName
-from cortet.sections import Cases, CellSize, PositiveInt, Section, Setting
+from cortet.config.section import Cases, CellSize, PositiveInt, Section, Setting
+from cortet.config.stages import MesherName
 
 
 class Ablation(Section):

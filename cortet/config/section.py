@@ -1,7 +1,4 @@
-"""Declarations shared by stages and meshers: the base of their sections, the types of keys, the cost of a job.
-
-Every job loads all these declarations to read the configuration, so this module and theirs must be light.
-"""
+"""What sections of the configuration are made of: their base and the types of their keys."""
 
 from __future__ import annotations
 
@@ -9,13 +6,9 @@ import ast
 import inspect
 import sys
 import textwrap
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from importlib import import_module
+from collections.abc import Mapping
 from itertools import pairwise
 from math import isfinite
-from pkgutil import iter_modules
-from types import ModuleType
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 from pydantic import (
@@ -37,7 +30,6 @@ __all__ = [
     "Boundary",
     "Cases",
     "CellSize",
-    "Cost",
     "Finite",
     "Fraction",
     "NonNegativeInt",
@@ -46,7 +38,6 @@ __all__ = [
     "Section",
     "Subdivisions",
     "Threshold",
-    "public_modules",
 ]
 
 
@@ -107,13 +98,13 @@ class Section(BaseModel):
         """A copy in which some keys have other values, checked like those of a file."""
         return type(self)(**{**self.model_dump(), **keys})
 
-    def decided(self, config: Any, facts: Mapping[str, Any]) -> dict[str, Any]:  # noqa: ARG002, some sections ask for it
-        """Arguments that the rest of the configuration or the mesh decides: keys of this section, or further facts."""
-        return {}
+    def values(self) -> dict[str, Any]:
+        """Plain values of its keys, without those that choose what is run."""
+        return self.model_dump(mode="json", exclude=set(self.choices))
 
     @classmethod
     def split(cls, arguments: Mapping[str, Any]) -> tuple[Self, dict[str, Any]]:
-        """The section that holds the plain arguments of a step, and those that are facts: it has no keys for them."""
+        """The section that holds plain arguments of a stage, and the other arguments: it has no keys for them."""
         keys = cls.model_fields.keys() - cls.choices
         facts = {name: value for name, value in arguments.items() if name not in keys}
         return cls(**{key: arguments[key] for key in keys & arguments.keys()}), facts
@@ -141,30 +132,3 @@ class Section(BaseModel):
                     if isinstance(key, ast.AnnAssign) and isinstance(below, ast.Expr):
                         found[key.target.id] = inspect.cleandoc(below.value.value)  # type: ignore[attr-defined,union-attr]
         return found
-
-
-@dataclass(frozen=True)
-class Cost:
-    """What a job takes: a constant, and an amount for every million tetrahedra."""
-
-    #: peak resident memory of the script, MB
-    megabytes: tuple[float, float]
-    #: CPU time of the script, s, including the start of the interpreter
-    seconds: tuple[float, float]
-
-    def memory_mb(self, tets: float) -> float:
-        """Peak resident memory, MB, for a number of tetrahedra."""
-        return _line(self.megabytes, tets)
-
-    def cpu_seconds(self, tets: float) -> float:
-        """CPU time, s, for a number of tetrahedra."""
-        return _line(self.seconds, tets)
-
-
-def _line(coefficients: tuple[float, float], tets: float) -> float:
-    return coefficients[0] + coefficients[1] * tets / 1e6
-
-
-def public_modules(package: str, path: Iterable[str]) -> list[ModuleType]:
-    """The modules in the folders `path` of a package, except those whose names begin with `_`; sorted by name."""
-    return [import_module(f"{package}.{found.name}") for found in iter_modules(path) if found.name[0] != "_"]
