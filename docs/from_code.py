@@ -18,6 +18,7 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin
 
+import numpy as np
 from cyclopts import App, Argument
 from docutils import nodes
 from pydantic.fields import FieldInfo
@@ -235,11 +236,14 @@ _SIGNS = {"<": "below", "<=": "at most", "==": "exactly", ">=": "at least"}
 
 @cache
 def checks() -> tuple[Any, ...]:
-    """The checks of a small mesh that has been through S1."""
-    from cortet.doctor import star
+    """The checks of a small mesh that has been through S1: a ball of tetrahedra that meet in its centre."""
+    from cortet.geometry.icosphere import icosphere
     from cortet.measure.certify import certify
+    from cortet.meshes import TetMesh
 
-    mesh, surface = star()
+    surface = icosphere(2)
+    centre = np.full((len(surface.faces), 1), len(surface.points))
+    mesh = TetMesh(np.vstack([surface.points, np.zeros(3)]), np.hstack([surface.faces[:, ::-1], centre]))
     return certify(mesh, surface, cell_size=1.0, native=surface, reports={"generate": {"topology_ok": True}}).checks
 
 

@@ -12,7 +12,6 @@ import pytest
 from cubes import cube_mesh
 from shapes import ball_surface
 
-from cortet import doctor
 from cortet.config.stages import Clean
 from cortet.errors import StageError
 from cortet.measure.certify import versions
@@ -130,18 +129,3 @@ def test_the_certificate_names_the_program_by_its_hash(install):
     )
     assert report.program_version == program_version() and program_version().startswith("sha256:")
     assert versions({"clean": asdict(report)})["meshtool"] == program_version()
-
-
-def test_random_bytes_are_no_meshtool_to_the_doctor(tmp_path, monkeypatch):
-    binary = tmp_path / "meshtool"
-    binary.write_bytes(np.random.default_rng(0).bytes(4096))
-    binary.chmod(0o755)
-    monkeypatch.setenv("PATH", str(tmp_path))
-    found = doctor.examine(next(program for program in doctor.PROGRAMS if program.name == "meshtool"))
-    assert found.state == "failed" and doctor.problems([found])
-
-
-def test_a_working_meshtool_is_proved(install):
-    install("pts[-1] = '0 0 0'")  # the node inside goes to the centre
-    found = doctor.examine(next(program for program in doctor.PROGRAMS if program.name == "meshtool"))
-    assert found.state == "ok" and "brings the worst q" in found.detail, found.detail
