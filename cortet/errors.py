@@ -40,8 +40,8 @@ class CortetError(Exception):
 class InputError(CortetError):
     """A file, table row or parameter given by the user cannot be used.
 
-    Whatever reads a file raises it for one that is missing, damaged, truncated or of another kind; so docstrings say
-    only what else is refused.
+    Functions raise it for a file that is missing, damaged or of another kind, and for a value that the description of
+    its parameter rules out. So docstrings list only what else is refused.
     """
 
 

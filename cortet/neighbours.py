@@ -73,12 +73,7 @@ class Neighbour:
         return []
 
     def results(self, _: Plan) -> Mapping[str, Results]:
-        """Its tables and figures over all cases, by their rules.
-
-        Raises
-        ------
-        InputError : the configuration asks for what the sheet does not allow
-        """
+        """Its tables and figures over all cases, by their rules."""
         return {}
 
     def before(self, _: Plan, _asked: Collection[str]) -> list[str]:

@@ -311,10 +311,6 @@ def save(
     Returns
     -------
     What the format cannot hold, in words.
-
-    Raises
-    ------
-    InputError, StageError : as `export`; a companion is not to be replaced
     """
     mesh, certificate, surface = made
     beside = companions(path, surface.inner, volumes=bool(rows))

@@ -35,12 +35,7 @@ class Later(ModuleType):
 
 
 def values_of(given: ArrayLike) -> NDArray[Any]:
-    """Numbers or labels, one or several for each place: (n,) or (n, k); masked numbers are NaN.
-
-    Raises
-    ------
-    InputError : they are no numbers, of another shape, or labels of which some are masked
-    """
+    """Numbers or labels, one or several for each place: (n,) or (n, k); masked numbers are NaN."""
     try:
         if isinstance(given, np.ma.MaskedArray):
             if np.issubdtype(given.dtype, np.integer):
@@ -71,10 +66,6 @@ def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
     Returns
     -------
     `points` (n, 3) float64, as stored; `faces` (m, 3) int32; fields of the vertices, `point_data`
-
-    Raises
-    ------
-    InputError : it holds no triangles, hides some of its values, or is of an unknown kind
 
     Examples
     --------

@@ -162,10 +162,6 @@ class Mesh:
         depth : mm below each vertex, along the inward normal of the meshed surface, or the ends of a range, whose mean
             is taken; NaN for a vertex with no such point in the mesh
         region : inside which surface, by name; None: the outermost one that was given
-
-        Raises
-        ------
-        InputError : there are other numbers of values, or no numbers, or no such surface
         """
         return self.surface_map(region).on_surface(values_of(values), depth)
 
@@ -179,10 +175,6 @@ class Mesh:
         ----------
         values : numbers; integers are labels, which are never averaged
         region : inside which surface, as in `to_surface`
-
-        Raises
-        ------
-        InputError : there is another number of values, or no numbers, or no such surface
         """
         found, given = self.surface_map(region), values_of(values)
         if len(given) != found.from_surface.shape[1]:
@@ -198,10 +190,6 @@ class Mesh:
         Parameters
         ----------
         region : inside the surface; None: the outermost one that was given
-
-        Raises
-        ------
-        InputError : no surface of this name was given
         """
         name = next(iter(self.native), "") if region is None else region
         if name not in self.native:
@@ -588,12 +576,7 @@ def say(line: str) -> None:
 
 
 def tetrahedra(made: TetMesh | Mesh | str | Path) -> TetMesh:
-    """The tetrahedral mesh from any object that holds one.
-
-    Raises
-    ------
-    InputError : a file holds no mesh, or the object is of an unknown kind
-    """
+    """The tetrahedral mesh from any object that holds one."""
     if isinstance(made, str | Path):
         return without_q(read_mesh(Path(made)))
     if isinstance(made, Mesh | TetMesh):

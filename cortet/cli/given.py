@@ -19,13 +19,7 @@ def stem_of(path: Path) -> str:
 
 
 def read_mesh(path: Path, *, whole: bool = False) -> TetMesh:
-    """A mesh of any format; warns if its file was changed after cortet wrote it.
-
-    Raises
-    ------
-    InputError
-        the file holds a surface, or must be `whole` but lacks the tetrahedra of a hole
-    """
+    """A mesh of any format; warns if its file was changed after cortet wrote it."""
     from cortet.formats import read_mesh as read
     from cortet.solver_files.fields import without_q
     from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar

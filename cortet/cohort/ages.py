@@ -129,10 +129,6 @@ def ages_at_scan(
     tables : name and file of the tables of each session; the first tables count most
     columns : columns that may hold the age; each table uses the first of them that it has
     named : whether the configuration names the columns; their unit is then taken to be weeks
-
-    Raises
-    ------
-    InputError : a table cannot be read
     """
     read: dict[Path, _RowsByParticipant] = {}
     described: dict[Path, Mapping[str, object]] = {}
@@ -314,12 +310,7 @@ def _named(session: Session) -> str:
 
 
 def _sidecar(path: Path, table: str) -> Mapping[str, object]:
-    """Content of the JSON file beside a table; for sessions tables, also of the one at the root of the dataset.
-
-    Raises
-    ------
-    InputError : the file is not JSON of keys and values
-    """
+    """Content of the JSON file beside a table; for sessions tables, also of the one at the root of the dataset."""
     beside = path.with_suffix(".json")
     root = Path(*path.parts[: len(path.parts) - len(Path(table).parts)])
     general = root / (path.stem.rpartition("_")[2] + ".json")
@@ -340,10 +331,6 @@ def _rows_by_participant(path: Path, columns: Sequence[str]) -> _RowsByParticipa
     """Rows of a table by the participant's label, which is empty if the table has no such column.
 
     Columns that are looked for may be written in another case.
-
-    Raises
-    ------
-    InputError : as `read_uneven_tsv`; the table has one of these columns twice, or values that no tabs separate
     """
     table, _ = read_uneven_tsv(path)
     if len(table.columns) == 1 and (other := re.search(r"[;,]|\s+", table.columns[0])):

@@ -83,13 +83,7 @@ class Selection:
         return not (self.participants or self.sessions or self.hemi)
 
     def of(self, cases: Sequence[Case], dataset: Path) -> list[Case]:
-        """The cases that are selected.
-
-        Raises
-        ------
-        InputError
-            a label is not in the dataset, or nothing is selected
-        """
+        """The cases that are selected."""
         participants = {name.removeprefix("sub-") for name in self.participants}
         sessions = {name.removeprefix("ses-") for name in self.sessions}
         _require("participant", participants, {case.participant for case in cases}, dataset)
@@ -107,13 +101,7 @@ class Selection:
 
 
 def workflow() -> Path:
-    """The folder of the Snakefile: inside the installed package, or the checkout that the package lies in.
-
-    Raises
-    ------
-    InputError
-        there is none
-    """
+    """The folder of the Snakefile: inside the installed package, or the checkout that the package lies in."""
     for folder in (_PACKAGE / "workflow", _PACKAGE.parent):
         if (folder / "Snakefile").is_file():
             return folder
@@ -121,13 +109,7 @@ def workflow() -> Path:
 
 
 def write_workflow(folder: Path) -> list[Path]:
-    """Write into a new or empty folder what plain `snakemake` needs there, and return the files.
-
-    Raises
-    ------
-    InputError
-        the folder holds something, or is a file
-    """
+    """Write into a new or empty folder what plain `snakemake` needs there, and return the files."""
     if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
         raise InputError("is not empty", file=folder, remedy="name an empty or a new folder")
     profiles = (Path("profiles/default/profile.v9+.yaml"), Path("profiles/slurm/config.yaml"))
@@ -145,13 +127,7 @@ def write_workflow(folder: Path) -> list[Path]:
 
 
 def lock(dataset: Path, output: Path) -> IO[str]:
-    """Lock the output folder of a run until the file that is returned is closed; nothing is written there before.
-
-    Raises
-    ------
-    InputError
-        the folder is the dataset, contains it, or is a dataset of others; or another run has the lock
-    """
+    """Lock the output folder of a run until the file that is returned is closed; nothing is written there before."""
     require_own_output(output, dataset)
     return hold(output)
 
@@ -165,11 +141,6 @@ def find(
     ----------
     settings : sections of the configuration, as in its file
     say : called with remarks on where the ages come from
-
-    Raises
-    ------
-    InputError
-        no surface is found or selected, or the settings are wrong
     """
     if not dataset.is_dir():
         raise InputError("no such folder", file=dataset, remedy="name the root of the dataset")
@@ -211,11 +182,6 @@ def prepare(
     Parameters
     ----------
     selected : whether these are some of the cases of the dataset; the sheet then keeps the others that it has
-
-    Raises
-    ------
-    InputError
-        the settings are wrong, or the working folder has a sheet or a configuration that cortet did not write
     """
     sheet, file = work / "cohort.tsv", work / "config.yaml"
     cohort = dict(settings.get("cohort") or {})

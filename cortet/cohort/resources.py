@@ -106,13 +106,7 @@ def expected_tets(volume_ml: float, cell_size: float, mesher: str) -> float:
 
 
 def cost(rule: str, mesher: str | None = None) -> Cost:
-    """Cost of a rule; that of S1 depends on the mesher. An inner surface costs as much as an outer one.
-
-    Raises
-    ------
-    InputError
-        the cost of the rule is not known
-    """
+    """Cost of a rule; that of S1 depends on the mesher. An inner surface costs as much as an outer one."""
     if rule == "generate" and mesher == "lattice":
         return LATTICE
     found = COSTS.get(rule) or COSTS.get(rule.removesuffix("_inner"))

@@ -43,10 +43,6 @@ def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], obj
     """The hemispheres of a dHCP-like release, sorted by name.
 
     A case whose age is in no table has none. `say` is called with remarks on where ages come from and what is not read.
-
-    Raises
-    ------
-    InputError : no surface matches, or a table cannot be read
     """
     patterns = patterns or Scan()
     found = _surfaces(directory, patterns, say)
@@ -76,10 +72,6 @@ def _surfaces(directory: Path, patterns: Scan, say: Callable[[str], object]) -> 
 
     One in the space of a template is taken where there is no other and, of pairs, a white one without a pial one.
     What is not taken is said.
-
-    Raises
-    ------
-    InputError : no surface matches, or two participants would have the same label
     """
 
     def rank(place: tuple[int, Path]) -> tuple[object, ...]:

@@ -15,10 +15,6 @@ _MOST_NAMES = 5
 def chosen(cases: Sequence[Case], which: Cases) -> list[Case]:
     """Some of the cases: all, those that are named, a number of them spread evenly over the order of ages, or those for
     which a column says yes.
-
-    Raises
-    ------
-    InputError : no case has a given name, the sheet lacks a given column, or a cell is neither yes nor no
     """
     if which == "all":
         return list(cases)

@@ -148,12 +148,7 @@ def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> l
 
 
 def read_header(path: Path) -> list[str]:
-    """The columns of a cohort sheet.
-
-    Raises
-    ------
-    InputError : the file is not a cohort sheet
-    """
+    """The columns of a cohort sheet."""
     header = list(read_uneven_tsv(path)[0].columns)
     _check_header(header, path)
     return header
@@ -193,10 +188,6 @@ def add_to_sheet(cases: Sequence[Case], path: Path) -> list[Case]:
     """Append cases to an existing cohort sheet, whose rows stay as they are; returns the new cases.
 
     A case is new if the sheet has none of its name. It gets `n/a` in columns that it has no value for.
-
-    Raises
-    ------
-    InputError : as `read_sheet`
     """
     import pandas as pd
 
@@ -367,12 +358,7 @@ def _sphere(value: str, folder: Path) -> Path | str | None:
 
 
 def filled_in(pattern: str, values: Mapping[str, Any]) -> str:
-    """A pattern with its placeholders `{name}` filled in; nothing else in it has a meaning.
-
-    Raises
-    ------
-    InputError : a placeholder is not among the values, or the result is not a file name
-    """
+    """A pattern with its placeholders `{name}` filled in; nothing else in it has a meaning."""
     unknown = [name for name in re.findall(r"\{([^{}]*)\}", pattern) if name not in values]
     filled = re.sub(r"\{([^{}]*)\}", lambda match: str(values.get(match[1])), pattern)
     if unknown or not _is_file_name(filled):

@@ -47,13 +47,7 @@ def render(data: Mapping[str, Any]) -> str:
 
 
 def read(path: Path) -> dict[str, Any]:
-    """The content of a YAML file of the configuration, not validated.
-
-    Raises
-    ------
-    InputError
-        it cannot be read, holds no keys, or holds one twice
-    """
+    """The content of a YAML file of the configuration, not validated."""
     remedy = "give a YAML file of keys and values"
     try:
         data = yaml.load(content(path).decode("utf-8"), Loader=_UniqueKeys)

@@ -41,13 +41,7 @@ class Resample(Section):
     stands for L or R. null: the icosphere."""
 
     def template_of(self, hemisphere: str | None) -> str | None:
-        """File of the common sphere of a hemisphere; None where it is the icosphere.
-
-        Raises
-        ------
-        InputError
-            its name depends on the hemisphere, which is not known
-        """
+        """File of the common sphere of a hemisphere; None where it is the icosphere."""
         if self.template is None or "{hemi}" not in self.template:
             return self.template
         if hemisphere is None:

@@ -167,12 +167,7 @@ def _named(text: bytes) -> dict[str, int]:
 
 
 def _of_all_types(file: Path, path: Path) -> Any:
-    """What meshio finds in a file of VTK.
-
-    Raises
-    ------
-    InputError : it leaves out cells, of which it only warns
-    """
+    """What meshio finds in a file of VTK."""
     read_file = meshio.vtk.read if file.suffix == ".vtk" else meshio.vtu.read
     with contextlib.redirect_stderr(io.StringIO()) as said:
         found = read_file(str(file))

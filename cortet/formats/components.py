@@ -11,12 +11,7 @@ from cortet.errors import InputError
 
 
 def in_components(fields: Mapping[str, NDArray[Any]], allowed: Collection[int]) -> dict[str, NDArray[Any]]:
-    """The fields as (n, k) arrays with an allowed k; any other field becomes k scalars `<name>_1` to `<name>_k`.
-
-    Raises
-    ------
-    InputError : another field has the name of such a scalar
-    """
+    """The fields as (n, k) arrays with an allowed k; any other field becomes k scalars `<name>_1` to `<name>_k`."""
     result: dict[str, NDArray[Any]] = {}
     for name, values in fields.items():
         columns = values.reshape(len(values), -1)

@@ -88,10 +88,6 @@ def of_volume(axes: Any, centre: Any, path: str | Path, source: str) -> Coordina
     axes : (3, 3), in each column the direction of an axis of the voxels, in the scanner's space
     centre : (3,) mm, of the volume
     source : what states them, for messages
-
-    Raises
-    ------
-    InputError : the directions are not perpendicular and of length 1, or mirrored
     """
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = np.asarray(axes, float) @ _SURFACE_RAS.T, centre

@@ -374,12 +374,7 @@ def _systems(element: ElementTree.Element) -> list[System]:
 
 
 def surface_of(image: Any) -> TriSurface:
-    """The surface of a NiBabel image (`nibabel.gifti.GiftiImage`), in its frame.
-
-    Raises
-    ------
-    InputError : the image holds no surface, or its coordinates are not mm
-    """
+    """The surface of a NiBabel image (`nibabel.gifti.GiftiImage`), in its frame."""
     points, faces = (image.get_arrays_from_intent(f"NIFTI_INTENT_{name}") for name in ("POINTSET", "TRIANGLE"))
     if not (points and faces):
         raise InputError("the image holds no surface", remedy="give one with a pointset and triangles")

@@ -126,13 +126,7 @@ def mark(folder: Path) -> None:
 
 
 def has_read(path: Path) -> None:
-    """Record that the command reads a file: it is an input from now on, unless it lies where the command may write.
-
-    Raises
-    ------
-    InputError
-        the command is told to write to this file
-    """
+    """Record that the command reads a file: it is an input from now on, unless it lies where the command may write."""
     guard = _guard.get()
     place = path.absolute()
     if guard is None or place in guard.made or guard.is_below_own_folder(place):

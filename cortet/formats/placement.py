@@ -33,11 +33,6 @@ def matrix(unit: str, affine: Sequence[Sequence[float]] | str | Path | None) -> 
     ----------
     unit : one of `UNITS`, the unit of the coordinates after the affine if there is one
     affine : 4 x 4, or an image (NIfTI, MGH) whose voxel indices the coordinates are
-
-    Raises
-    ------
-    InputError
-        the unit is not known, the image cannot be read, or the affine is not valid
     """
     if unit not in UNITS:
         raise InputError(f"unit {unit!r} is not known", remedy=f"use one of {', '.join(UNITS)}")
@@ -76,12 +71,7 @@ def placed(surface: TriSurface, to_mm: Sequence[Sequence[float]] | None) -> TriS
 
 
 def require_precision(points: FloatArray, cell_size: float) -> None:
-    """Warn if files of single precision place coordinates (n, 3), mm, coarsely for a cell size, mm.
-
-    Raises
-    ------
-    InputError : they place them so coarsely that rounding could turn tetrahedra inside out
-    """
+    """Warn if files of single precision place coordinates (n, 3), mm, coarsely for a cell size, mm."""
     furthest = np.abs(points).max(initial=0)
     step = float(np.spacing(np.float32(furthest)))
     if step <= _COARSE * cell_size:

@@ -63,11 +63,6 @@ def sides(mesh: TetMesh, faces: IntArray) -> tuple[IntArray, IntArray]:
     """The tetrahedron that each face belongs to, and its corner opposite the face: (k,), (k,) int32.
 
     A face inside the mesh belongs to the tetrahedron from whose outside it is counter-clockwise.
-
-    Raises
-    ------
-    InputError
-        a face belongs to no such tetrahedron
     """
     found = boundary(mesh)
     cells, missing = _owners(found.faces, found.cells, faces)

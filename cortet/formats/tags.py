@@ -34,10 +34,6 @@ def region_numbers(mesh: TetMesh) -> IntArray:
 
     It is the cell data `region`, if these are whole numbers. Else the sets of tetrahedra are regions, in their order,
     that share none with an earlier one and do not hold everything; what is left is one more region.
-
-    Raises
-    ------
-    InputError : a number has more than seven digits
     """
     given = mesh.cell_data.get(REGION)
     if given is not None and given.ndim == 1 and np.isfinite(given).all() and (given == np.round(given)).all():

@@ -32,10 +32,6 @@ def read_tsv(path: Path) -> pd.DataFrame:
     """The rows of a table, all cells as strings without surrounding white space; `n/a` stays `n/a`.
 
     The index of the frame holds the line number of each row. Blank lines are skipped.
-
-    Raises
-    ------
-    InputError : the file cannot be read, is empty, or has lines with more or fewer values than the header
     """
     frame, wrong = read_uneven_tsv(path)
     if wrong:

@@ -103,12 +103,7 @@ def read_named(text: str) -> Volume:
 
 
 def read_labels(text: str) -> tuple[Volume, list[int]]:
-    """The volume and the labels that `FILE:5` or `FILE:5,6` names; a label may also be given by its name.
-
-    Raises
-    ------
-    InputError : as `read_volume`; no label is given, or the volume has no such label
-    """
+    """The volume and the labels that `FILE:5` or `FILE:5,6` names; a label may also be given by its name."""
     match = _SPELLING.fullmatch(text)
     if match is None:
         raise InputError("is not a volume", file=text, remedy="give NIfTI or MGZ, and labels: FILE.nii.gz:5,6")
@@ -174,10 +169,6 @@ def label_names(path: str | Path) -> dict[int, str]:
     """Names of the labels of a volume, from the table beside it: key -> name; empty if there is none.
 
     The table has the name of the volume, or is `dseg.tsv` for all volumes of the folder.
-
-    Raises
-    ------
-    InputError : the table has no columns index and name, or an index is not a whole number or stands there twice
     """
     file = label_table(path)
     if file is None:

@@ -41,10 +41,6 @@ def envelope(surfaces: Sequence[TriSurface], distance: float, *, closing: float 
     surfaces : mm; they may touch and cross each other
     distance : mm, least distance from the surfaces
     closing : mm; gaps narrower than twice this lie inside the envelope
-
-    Raises
-    ------
-    InputError : the surfaces are so far apart that no envelope holds all of them
     """
     every = joined(list(surfaces))
     used = every.points[np.unique(every.faces)]

@@ -9,12 +9,7 @@ from cortet.meshes import TriSurface
 
 
 def icosphere(subdivisions: int) -> TriSurface:
-    """Unit sphere of 10 * 4**subdivisions + 2 vertices, counter-clockwise seen from outside.
-
-    Raises
-    ------
-    InputError : the subdivisions are out of bounds (`limits.SUBDIVISIONS`)
-    """
+    """Unit sphere of 10 * 4**subdivisions + 2 vertices, counter-clockwise seen from outside."""
     require_within(subdivisions, SUBDIVISIONS, "the number of subdivisions of the icosahedron")
     meshes = pymeshlab.MeshSet()
     meshes.create_sphere(radius=1.0, subdiv=subdivisions)

@@ -25,12 +25,7 @@ _SAME_SPACE = 0.1
 
 
 def nested(surface: TriSurface, inner: Mapping[str, TriSurface]) -> TriSurface:
-    """The surface with inner surfaces in order of enclosed volume, largest first; so each precedes what it contains.
-
-    Raises
-    ------
-    InputError : by their frames, an inner surface and the surface have their coordinates in different spaces
-    """
+    """The surface with inner surfaces in order of enclosed volume, largest first; so each precedes what it contains."""
     for name, one in inner.items():
         _require_same_space(surface, name, one)
     volumes = {name: abs(enclosed_volume(one.points, one.faces)) for name, one in inner.items()}

@@ -46,11 +46,6 @@ def uncrossed(work: Triangles, *, max_displacement: float, max_piece: float) -> 
     work : one closed, oriented manifold
     max_displacement : mm, largest distance that smoothing may move a vertex
     max_piece : as in `holes.replaced`
-
-    Raises
-    ------
-    InputError
-        triangles still cross others afterwards
     """
     before = as_surface(work)
     first = self_intersections(before)

@@ -248,12 +248,7 @@ def distribution(values: FloatArray) -> Distribution:
 
 
 def histogram(q: FloatArray) -> IntArray:
-    """Elements per bin of width 0.005 over [0, 1]: (200,) int32; histograms of several meshes can be added.
-
-    Raises
-    ------
-    ValueError : a value outside [0, 1], which no positively oriented element has
-    """
+    """Elements per bin of width 0.005 over [0, 1]: (200,) int32; histograms of several meshes can be added."""
     if len(q) and not (q.min() >= -1e-12 and q.max() <= 1):
         raise ValueError(f"q runs from {q.min()} to {q.max()}, outside [0, 1]: the mesh has mixed orientation or NaN")
     bins = round(1 / HISTOGRAM_BIN_WIDTH)

@@ -61,11 +61,6 @@ def fill(
     Returns
     -------
     points (n, 3) float64 mm; cells (m, 4), of either orientation
-
-    Raises
-    ------
-    StageError
-        the backend failed, is not installed, or returned nothing
     """
     medit = off.with_suffix(".mesh")
     try:

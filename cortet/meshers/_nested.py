@@ -122,11 +122,6 @@ def regions_of(points: FloatArray, cells: IntArray, walls: Sequence[TriSurface])
     points, cells : of either orientation, with every triangle of the walls among their faces; the vertices of the walls
         come first, in their order
     walls : the surfaces; none touches another
-
-    Raises
-    ------
-    StageError
-        the surfaces do not divide the tetrahedra into one body each
     """
     sheet_of_node = np.full(len(points), -1)
     count = sum(len(wall.points) for wall in walls)

@@ -117,10 +117,6 @@ def _split(work: Work, tree: SurfaceTree, scratch: Scratch, limits: Limits) -> t
 
     Splinters are split at their longest edges first, until no edge is too long: in any other order they would leave
     ever thinner ones. So are triangles that are much too large, if splits in the usual order come to no end.
-
-    Raises
-    ------
-    StageError : there would be more than `MOST_POINTS` times as many points as the targets and the samples ask for
     """
     thinnest = triangles.thinnest(work, MUCH_TOO_LARGE)
     if np.isinf(thinnest):

@@ -29,10 +29,6 @@ def checked(
     ----------
     sizes : `generate.sizes`
     surface : in mm, in its frame, with its inner surfaces
-
-    Raises
-    ------
-    InputError : a size belongs to no region or is too small, or a volume cannot be read or has no such label
     """
     names = region_names(surface.inner)
     for name, size in sizes.items():
@@ -52,12 +48,7 @@ def checked(
 
 
 def _volume_of(text: str, size: float | None) -> tuple[Volume, list[int]]:
-    """The volume that a size is given for, and its labels that have the size; no labels for a volume of sizes.
-
-    Raises
-    ------
-    InputError : as `read_labels`; or the volume should hold sizes, but does not hold numbers
-    """
+    """The volume that a size is given for, and its labels that have the size; no labels for a volume of sizes."""
     if size is not None:
         return read_labels(text)
     volume = read_named(text)
@@ -100,12 +91,7 @@ def _sources_of(
 
 
 def sizes_on(surface: TriSurface, settings: Generate, facts: Facts) -> list[FloatArray] | None:
-    """The cell size at each vertex of each surface, (n,) mm, infinite where none is given; None if none is anywhere.
-
-    Raises
-    ------
-    InputError : the surface lacks the field, or a size is too small
-    """
+    """The cell size at each vertex of each surface, (n,) mm, infinite where none is given; None if none is anywhere."""
     every = sheets(surface)
     if settings.size_field is None and not settings.sizes and not len(facts.sources.points):
         return None

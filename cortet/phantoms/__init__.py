@@ -184,10 +184,6 @@ def inset(surface: TriSurface, thickness: float) -> TriSurface:
     """A white surface within a pial one: its vertices moved inward, smoothly, until they are `thickness` mm below it.
 
     Where a gyrus is too thin for this, the depth is smaller, as in `separate`.
-
-    Raises
-    ------
-    InputError : the thickness is out of bounds (`limits.THICKNESS_MM`), or too large for the shape
     """
     require_within(thickness, THICKNESS_MM, "the thickness in mm")
     white = surface

@@ -60,10 +60,6 @@ def head(
     gestational_age, subdivisions, seed : as of `phantom`
     thickness : of the cortex, mm
     voxel : width of the voxels, mm
-
-    Raises
-    ------
-    InputError : as of `phantom` and `inset`; or there would be too many voxels
     """
     pial = phantom(gestational_age, subdivisions=subdivisions, seed=seed)
     white = inset(pial, thickness)

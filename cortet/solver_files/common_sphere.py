@@ -57,12 +57,7 @@ class Parcels:
 
 
 def read_parcels(file: Path, surface: TriSurface) -> Parcels:
-    """The parcels of a label file.
-
-    Raises
-    ------
-    InputError : the file holds no labels, or not one for each vertex
-    """
+    """The parcels of a label file."""
     labels = next((values for values in read_fields(file).values() if is_label(values) and values.ndim == 1), None)
     if labels is None:
         raise InputError("holds no labels", file=file, remedy="give a .label.gii or an .annot of this surface")
@@ -83,10 +78,6 @@ def onto_common(surface: TriSurface, sphere: Path, common: TriSurface) -> Weight
     surface : as it was read
     sphere : registered sphere of this surface
     common : the sphere that it is registered to
-
-    Raises
-    ------
-    InputError : the file holds no sphere, or that of another surface
     """
     own = read_surface(sphere)
     if not same_triangles(own, surface):

@@ -42,11 +42,6 @@ def with_fields(surface: TriSurface, files: Mapping[str, str | Path]) -> TriSurf
     Parameters
     ----------
     files : name of the field -> file; in a file with several arrays each becomes a field `<name>_<array's name>`
-
-    Raises
-    ------
-    InputError
-        a file cannot be read or holds no array, a value is not finite, or the numbers of values and vertices differ
     """
     fields = dict(surface.point_data)
     for name, file in files.items():

@@ -41,10 +41,6 @@ def hollow(mesh: TetMesh, holes: Collection[str]) -> TetMesh:
     Parameters
     ----------
     mesh : with its sets (`sets.named_sets`)
-
-    Raises
-    ------
-    InputError : a region lies in a hole, or nothing would be left
     """
     inner = [name.removesuffix(INTERFACE) for name in mesh.sets.faces if name.endswith(INTERFACE)]
     removed = [name for hole in holes for name in regions_of(hole, inner)]

@@ -58,10 +58,6 @@ def inner_surfaces(
     to_mm : matrix of `formats.placement.matrix` for `outer`
     finite : whether coordinates must be finite
     handles : what is done about the handles of labels
-
-    Raises
-    ------
-    InputError : a file cannot be read, a volume has no such label or does not cover `outer`, or a name stands twice
     """
     found = InnerSurfaces({}, {}, [])
     for name, file in given.items():
@@ -85,10 +81,6 @@ def with_shell(surface: TriSurface, distance: float, to_mm: Sequence[Sequence[fl
     surface : as it was read; the envelope ignores coordinates that are not finite
     distance : mm, least distance from the surface
     to_mm : matrix of `formats.placement.matrix` for `surface`
-
-    Raises
-    ------
-    InputError : an inner surface is the brain or its cortex already
     """
     if taken := [name for name in surface.inner if is_brain(name)]:
         raise InputError(
@@ -133,10 +125,6 @@ def surfaces_of_labels(
     """The closed surface of each component of labels, mm in the frame of the volume, by name; and what they are.
 
     Several components are NAME1, NAME2 and so on, the largest first.
-
-    Raises
-    ------
-    InputError : no component has enough voxels, or label 0 is among them
     """
     if 0 in keys:
         raise InputError("label 0 is what no label covers", file=Path(volume.file), remedy="name other labels")

@@ -28,10 +28,6 @@ def writable(mesh: TetMesh, solver: str) -> tuple[TetMesh, list[str]]:
 
     Truth values become 1 and 0, half precision becomes single, and (n, 3, 3) tensors nine components. Names have no
     slashes or tabs and at most 80 letters; where files are in ASCII, `dïcke` becomes `dicke`, for Abaqus `a b` `a_b`.
-
-    Raises
-    ------
-    InputError : a field has no real numbers
     """
     plain = _naming(solver)
     sets = MeshSets(*(plain(named) for named in (mesh.sets.nodes, mesh.sets.faces, mesh.sets.cells)))

@@ -97,10 +97,6 @@ def in_order(result: TetMesh, mesh: TetMesh, *, file: Path, mesh_file: Path) -> 
     """Find the nodes and tetrahedra of a mesh in a result, by where the nodes are.
 
     Nodes between the corners of tetrahedra, and those of no tetrahedron, are left out.
-
-    Raises
-    ------
-    InputError : the nodes of the result are not those of the mesh
     """
     used = used_vertices(result.cells, len(result.points)) if len(result.cells) else np.arange(len(result.points))
     if len(used) != len(mesh.points):
@@ -174,10 +170,6 @@ def on_surface(
     steps : of `read_result`
     found : map of the mesh
     depth : mm, as `SurfaceMap.at_depth`
-
-    Raises
-    ------
-    InputError : the result is of another mesh, or has no field of numbers
     """
     mesh, order, last = found.mesh, None, None
     times: list[float | None] = []

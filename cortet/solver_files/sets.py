@@ -125,10 +125,6 @@ def tagged(mesh: TetMesh, field: str) -> TetMesh:
     """The mesh with the labels of a field of tetrahedra in place of its regions, which remain as sets.
 
     A label below 1, which several formats take for none, gets the number after the largest.
-
-    Raises
-    ------
-    InputError : the mesh has no such field, or it holds other than whole numbers from 0 on that formats can hold
     """
     values = mesh.cell_data.get(field)
     whole = values is not None and values.ndim == 1 and bool((values == np.round(values)).all())
@@ -152,11 +148,6 @@ def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
     Parameters
     ----------
     inner : names of the regions from 2 on
-
-    Raises
-    ------
-    InputError
-        the mesh has no such sets
     """
     if REGION in mesh.cell_data and not mesh.sets.cells:
         return mesh

@@ -106,10 +106,6 @@ class SurfaceMap:
         Parameters
         ----------
         depth : mm, of one point or of both ends of a range; a vertex whose depth is NaN has no value
-
-        Raises
-        ------
-        InputError : a depth is negative or not finite, or the first of a range is below the last
         """
         return self.weights(depth).nodes
 
@@ -140,12 +136,7 @@ class SurfaceMap:
         return Located(*(np.concatenate(some) for some in zip(*found, strict=True)))
 
     def on_surface(self, values: NDArray[Any], depth: Depth | None = None) -> NDArray[Any]:
-        """Values of the mesh at the vertices of the native surface: (v,) or (v, k), as `Mesh.to_surface`.
-
-        Raises
-        ------
-        InputError : there is one value for neither each node nor each tetrahedron; or as `at_depth`
-        """
+        """Values of the mesh at the vertices of the native surface: (v,) or (v, k), as `Mesh.to_surface`."""
         weights = self.weights(depth)
         if len(values) == len(self.mesh.points):
             return weights.of_nodes(values)
@@ -209,10 +200,6 @@ def surface_map(
     native : the surface as it was read, in mm; vertices may have coordinates that are not finite
     number : of the surface: 0 is the outer one, i the i-th inner one
     renumbered : whether equal numbers of vertices mean nothing, as after resampling
-
-    Raises
-    ------
-    InputError : the mesh has no faces of this surface
     """
     boundary, nodes = _faces_of(mesh, number)
     finite = np.isfinite(native.points.sum(axis=1))

@@ -43,10 +43,6 @@ def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> list[st
     Returns
     -------
     what the file cannot hold, or not by its name, in words
-
-    Raises
-    ------
-    InputError : no ten-node file has that suffix, or a field has no real numbers
     """
     writer = _WRITERS.get(path.suffix)
     if writer is None:

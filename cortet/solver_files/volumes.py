@@ -82,12 +82,7 @@ class Background(NamedTuple):
 
 
 def read_volumes(given: Mapping[str, str | Path | SpatialImage | Volume]) -> dict[str, Volume]:
-    """The volumes of `NAME -> FILE`, `NAME -> FILE:KIND` or `NAME -> image`; those that were read stay as they are.
-
-    Raises
-    ------
-    InputError : a name cannot be that of a field, or a file cannot be read (`formats.volumes.read_volume`)
-    """
+    """The volumes of `NAME -> FILE`, `NAME -> FILE:KIND` or `NAME -> image`; those that were read stay as they are."""
     for name in given:
         text = name if isinstance(name, str) else ""
         if not re.fullmatch(NAME, text) or text.lower() in _TAKEN:
@@ -159,10 +154,6 @@ def with_volumes(
     frame : of the surface that the mesh was made from; it maps to the space of the volumes
     shares : whether each label gets a field `NAME_share_LABEL`, from 0 to 1
     background : `backgrounds` of the volumes, for the table
-
-    Raises
-    ------
-    InputError : the mesh has a field of the name of a volume
     """
     points = to_scanner(mesh.points, frame or CoordinateFrame())
     q, size = quality(mesh.points, mesh.cells), signed_volumes(mesh.points, mesh.cells)

@@ -36,11 +36,6 @@ def harmonic(mesh: TetMesh, nodes: IntArray, values: FloatArray, guess: FloatArr
     Returns
     -------
     (n, k) values of all nodes, none outside the range of its column of `values`; and how many were clipped
-
-    Raises
-    ------
-    StageError
-        the linear system was not solved
     """
     stiffness = _stiffness(mesh)
     inner = np.ones(len(mesh.points), bool)

@@ -42,11 +42,6 @@ def solver_ready(
     mesh : positive volumes
     surface : the surface that was meshed, with its fields
     settings : as `Transfer` describes them
-
-    Raises
-    ------
-    StageError
-        as `surface_nodes_first`
     """
     return surface_nodes_first(transfer(mesh, surface, settings)[0])
 
