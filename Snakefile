@@ -24,13 +24,9 @@ include: "rules/surface.smk"
 include: "rules/mesh.smk"
 include: "rules/quality.smk"
 include: "rules/cohort.smk"
+include: "rules/folding.smk"
+include: "rules/paper.smk"
 include: "rules/end.smk"
-
-
-# last, since they name files and rules of the others
-for neighbour in neighbours():
-
-    include: f"rules/{neighbour.name}.smk"
 
 
 localrules:
@@ -48,7 +44,7 @@ rule all:
         lambda _: PLAN.solver_files(),
         lambda _: PLAN.quality_records(),
         COHORT_FILES,
-        of_neighbours,
+        lambda _: FOLDS.files(),
 
 
 rule meshes:
@@ -62,6 +58,7 @@ rule participants:
     input:
         rules.dataset_description.output,
         lambda _: PLAN.files_of_cases(),
+        lambda _: FOLDS.files(),
 
 
 rule cohort:

@@ -10,13 +10,12 @@ import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from cortet.neighbours import neighbours
 from cortet.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from cortet.api import Mesh, certify, compare, convert, improve, mesh, read, repair, surface
+    from cortet.api.folding import Folded, fold, growth
     from cortet.errors import CortetError, InputError
-    from cortet.folding.calls import Folded, fold, growth
     from cortet.phantoms import phantom
 
 if sys.platform == "win32":
@@ -42,7 +41,7 @@ _MODULES = {
         ("Mesh", "certify", "compare", "convert", "improve", "mesh", "read", "repair", "surface"), "cortet.api"
     ),
     "phantom": "cortet.phantoms",
-    **{call: module for neighbour in neighbours() for call, module in neighbour.calls.items()},
+    **dict.fromkeys(("Folded", "fold", "growth"), "cortet.api.folding"),
 }
 #: everything else is for those who build on the parts
 __all__ = ["CortetError", "Folded", "InputError", "Mesh"]
@@ -59,8 +58,6 @@ __all__ += [
     "repair",
     "surface",
 ]
-if not TYPE_CHECKING:
-    __all__ = [name for name in __all__ if name in _MODULES]
 
 
 def __getattr__(name: str) -> Any:

@@ -27,7 +27,7 @@ from cortet.cohort.user_files import content
 from cortet.config import keys_not_given, read
 from cortet.errors import CortetError
 from cortet.meshers import OWN
-from cortet.neighbours import neighbours
+from cortet.folding.plan import Folds
 from cortet.report.over_all import REPORTED, plan_of, results
 from cortet.stages import STAGES, notices
 from cortet.version import version_of
@@ -66,6 +66,7 @@ if workflow.is_main_process and (others := made_otherwise(PLAN)):
         f"if this run does not make them again, `snakemake --forcerun {' '.join(others)}` does"
     )
 
+FOLDS = Folds(PLAN)
 LAYOUT = PLAN.layout
 OUT = LAYOUT.output
 # what BIDS URIs begin with
@@ -93,11 +94,6 @@ wildcard_constraints:
     **WILDCARDS,
     setting="|".join(["", *SETTINGS]),  # an empty expression alone would be none
     suffix="|".join(map(re.escape, EXPORTED)),
-
-
-def of_neighbours(_):
-    """Files of single cases that neighbours of the core add to a whole run."""
-    return [path for neighbour in neighbours() for path in neighbour.files(PLAN)]
 
 
 def of_mesh(stage):

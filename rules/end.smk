@@ -12,6 +12,7 @@ from cortet.cohort.app import outcome, workflow as of_workflow
 from cortet.cohort.failures import with_failures
 from cortet.cohort.lock import hold, is_held_by_parent
 from cortet.cohort.outdated import set_aside
+from cortet.paper.experiments import Experiments
 from cortet.report.over_all import is_of_run, remember_run
 
 FOLDER = of_workflow()  # the main Snakefile may be a user's, which includes ours
@@ -36,9 +37,8 @@ onstart:
     for moved in [] if workflow.touch else set_aside(PLAN, dropped=dropped):
         logger.warning(moved)
     remember_run(PLAN, config, ASKED)
-    for neighbour in neighbours():
-        for notice in neighbour.before(PLAN, ASKED):
-            logger.warning(notice)
+    for notice in Experiments(PLAN).costs() if "tables" in ASKED else []:
+        logger.warning(notice)
 
 
 def end_run(after):

@@ -1,9 +1,5 @@
 """Fold meshes: the simulation that they are made for."""
 
-from cortet.folding.plan import Folds
-
-FOLDS = Folds(PLAN)
-
 
 wildcard_constraints:
     week="[0-9]+([.][0-9]+)?",

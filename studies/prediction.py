@@ -23,7 +23,6 @@ from scipy.spatial.transform import Rotation
 from series import Series
 
 from cortet.errors import InputError
-from cortet.folding.fields import growth_field
 from cortet.folding.fold import SAME_AGE, Say, Verdict, fold
 from cortet.folding.growth import AREA, VOLUME, usual
 from cortet.folding.section import Settings
@@ -35,6 +34,7 @@ from cortet.geometry.spheres import barycentric, of_one_radius
 from cortet.geometry.topology import boundary_nodes, edges, vertex_normals
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import FloatArray, TetMesh, TriSurface
+from cortet.solver_files.names import growth_field
 from cortet.stages.transfer import transfer
 
 Kind = Literal["mechanics", "core", "forecast", "uniform", "shuffled", "unmapped", "braingrowth", "path", "nothing"]

@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from prediction import Prediction
 from series import Series, aligned
 
-from cortet.folding.fields import growth_field
 from cortet.folding.fold_figures import weeks
 from cortet.folding.fold_views import Brain, Row, brain_of, centre, extent, sheet, sides, view
 from cortet.folding.measurements import depth_below_hull, shape, smoothed_curvature
@@ -25,6 +24,7 @@ from cortet.meshes import FloatArray, TriSurface
 from cortet.report.colours import BLUE, GREEN, VERMILION
 from cortet.report.figures import PAGE, drawn, letter, save
 from cortet.report.table_files import Table, write
+from cortet.solver_files.names import growth_field
 
 #: prefix of the names of predicted surfaces
 _PREDICTED = "predicted_"

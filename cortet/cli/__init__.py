@@ -19,12 +19,11 @@ from cyclopts import App, CoercionError, CycloptsError, MissingArgumentError, Pa
 from cyclopts.help import DefaultFormatter, PanelSpec
 from rich.box import Box
 
-from cortet.cli import meshes, meshing, runs, surfaces
+from cortet.cli import folding, meshes, meshing, runs, surfaces
 from cortet.cli.shared import HELP
 from cortet.cli.values import WRITTEN, CheckedOutput, FolderOfFiles, OutputFile
 from cortet.errors import CortetError, UsageError
 from cortet.formats.ownership import guarded
-from cortet.neighbours import neighbours
 from cortet.version import __version__
 
 __all__ = ["app", "commands", "main"]
@@ -40,7 +39,7 @@ _PLAIN = DefaultFormatter(panel_spec=PanelSpec(box=Box("    \n" * 8), padding=0)
 
 
 def app() -> App:
-    """The command; each module beside this one adds commands, as neighbours do."""
+    """The command; each module beside this one adds commands."""
     top = App(
         name="cortet",
         help="Certified tetrahedral meshes of cortical surfaces.",
@@ -50,10 +49,8 @@ def app() -> App:
         help_format="plaintext",
         help_formatter=_PLAIN,
     )
-    for module in (meshing, surfaces, meshes, runs):
+    for module in (meshing, surfaces, meshes, runs, folding):
         module.add_commands(top)
-    for neighbour in neighbours():
-        neighbour.add_commands(top)
     top.register_install_completion_command(help="Let the shell complete commands and options.")
     return top
 

@@ -170,6 +170,7 @@ def run(
     from cortet.cohort import app
     from cortet.cohort.failures import with_failures
     from cortet.config import read
+    from cortet.folding.plan import Folds
     from cortet.report.over_all import aggregate, plan_of, run_record
 
     asked: Sequence[str] = levels or list(app.LEVELS)
@@ -202,7 +203,8 @@ def run(
             if not alone:
                 targets = [app.LEVELS[level] for level in asked]
                 if not selection.is_all:
-                    targets = ["dataset_description", *replace(plan, chosen=names).files_of_cases()]
+                    own = replace(plan, chosen=names)
+                    targets = ["dataset_description", *own.files_of_cases(), *Folds(own).files()]
                 code = app.snakemake(
                     work, targets, cores=most, profile=profile, dry_run=dry_run, verbose=common.verbose
                 )

@@ -16,7 +16,6 @@ from cortet.cohort.lock import NAME as LOCK
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path, write_json
 from cortet.formats.tsv import write_tsv
-from cortet.neighbours import neighbours
 from cortet.version import __version__
 
 if TYPE_CHECKING:
@@ -205,7 +204,7 @@ def descriptions(settings: Mapping[str, Config]) -> dict[str, str]:
     found = dict(_SURFACES)
     found |= {stage.label: _sentence(stage.does) for stage in STAGES.values() if stage.gives == "surface"}
     own = settings[""]
-    meshers = dict.fromkeys([*own.generate.meshers, *(one for of in neighbours() for one in of.meshers(own))])
+    meshers = dict.fromkeys([*own.generate.meshers, *own.experiments.ablation.meshers])
     for (name, setting), mesher, stage in product(settings.items(), meshers, MESH_STAGES.values()):
         if setting.enabled(stage.name) and not (name and stage.shared_by_settings):
             how = f"mesher {mesher}" + (f", setting {setting.setting}" if name else "")

@@ -16,9 +16,10 @@ from cortet.cohort.jobs import Mesh
 from cortet.cohort.layout import EXPORTED
 from cortet.cohort.outdated import earlier_results, first_other_stage
 from cortet.cohort.plan import AFTER_CERTIFICATE, Plan
+from cortet.cohort.selection import folded
+from cortet.cohort.sheet import Case
 from cortet.cohort.status import STOPPED, failure_reason
 from cortet.formats.ownership import json_of
-from cortet.neighbours import neighbours
 from cortet.stages import STAGES
 
 #: rules on a case, in the order in which a case goes through them
@@ -142,12 +143,17 @@ def _counts(plan: Plan, job: Mapping[str, str], failure: Failure) -> bool:
         "ten_nodes": bool(plan.config.export.ten_nodes),
         "case_maps": plan.is_resampled(job),
         "fields": bool(case.fields),
+        **dict.fromkeys(("fold", "fold_figures", "folded_surface"), _is_folded(plan, case, wildcards)),
     }
-    for neighbour in neighbours():
-        if rule in neighbour.rules:
-            asked[rule] = neighbour.counts(plan, case, rule, wildcards)
     region = wildcards.get("inner")
     return asked.get(rule, True) and (stage is None or stage in plan.line(job)) and (not region or region in case.inner)
+
+
+def _is_folded(plan: Plan, case: Case, wildcards: Mapping[str, str]) -> bool:
+    """Whether a fold of a case, of a variant, is asked for."""
+    variants = ("", *plan.config.fold.variants)
+    asked = folded(list(plan.cases.values()), plan.config.fold.cases)
+    return wildcards.get("variant", "").lower() in variants and case in asked
 
 
 def why_missing(plan: Plan, path: str, rule: str, job: Mapping[str, object]) -> str | None:

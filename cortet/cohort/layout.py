@@ -1,4 +1,4 @@
-"""Names of the files of an output folder, BIDS-derivative style; neighbours of the core name their own.
+"""Names of the files of an output folder, BIDS-derivative style.
 
 A pattern is a name with Snakemake's wildcards: `folder` and `case` of the sheet, `res` (cell size in µm), `mesher`,
 `setting` (empty for the line's own), `inner` (region of an inner surface), `variant` (of a fold), `week` (of a folded

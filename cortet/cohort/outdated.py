@@ -16,7 +16,6 @@ from cortet.cohort.layout import EXPORTED
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import Case
 from cortet.formats.ownership import files_of, json_of
-from cortet.neighbours import neighbours
 
 #: folder of a case for its outdated results, in numbered folders
 FOLDER = "outdated"
@@ -109,7 +108,7 @@ def _of_other_surfaces(plan: Plan, case: Case) -> Iterator[Path]:
 def _made_with(folder: Path, certificate: Path) -> Iterator[Path]:
     """The mesh of a certificate, and what was made of it: exports, page, folds."""
     stem = certificate.name.removesuffix(_CERTIFICATE)
-    for label in ("Solver", *(neighbour.label for neighbour in neighbours() if neighbour.label)):
+    for label in ("Solver", "Folded"):
         yield from folder.glob(f"*/{stem}{label}*")
 
 

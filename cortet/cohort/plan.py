@@ -13,7 +13,6 @@ from cortet.cohort.jobs import Job, Jobs, Mesh, existing
 from cortet.cohort.layout import EXPORTED, beside, filled
 from cortet.cohort.selection import ageless_notice
 from cortet.formats.ownership import changed_of, files_of
-from cortet.neighbours import neighbours
 from cortet.stages import stages_of
 
 __all__ = ["AFTER_CERTIFICATE", "Plan", "existing"]
@@ -21,7 +20,7 @@ __all__ = ["AFTER_CERTIFICATE", "Plan", "existing"]
 #: rules after the certificate: the mesh is measured even if they fail
 AFTER_CERTIFICATE = (
     *("volumes", "export", "ten_nodes", "case_page", "case_maps"),
-    *(rule for neighbour in neighbours() for rule in neighbour.rules),
+    *("fold", "fold_figures", "folded_surface"),
 )
 
 
@@ -35,7 +34,7 @@ class Plan(Jobs):
 
     def _ageless(self) -> list[str]:
         """What is not done with the cases of unknown age; those that are to be folded by name need one."""
-        asked = getattr(getattr(self.config, "fold", None), "cases", None)
+        asked = self.config.fold.cases
         smoothed = stages_of(self.config) != stages_of(self.config, aged=False)
         return ageless_notice([*self.cases.values()], smoothed=smoothed, folded=isinstance(asked, (str, int)))
 
@@ -192,6 +191,5 @@ class Plan(Jobs):
         return meshes + [{"case": case.name, "state": "excluded", "reason": case.exclude_reason} for case in excluded]
 
     def files_of_cases(self) -> list[str]:
-        """All files of single cases that a whole run makes."""
-        files = [*self.solver_files(), *self.quality_records(), *self.each_case(self.layout.case_page).values()]
-        return files + [path for neighbour in neighbours() for path in neighbour.files(self)]
+        """All files of single cases that a whole run makes, without those of folds."""
+        return [*self.solver_files(), *self.quality_records(), *self.each_case(self.layout.case_page).values()]

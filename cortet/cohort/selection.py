@@ -8,6 +8,8 @@ from cortet.cohort.sheet import MISSING, NO, YES, Case
 from cortet.config.section import Cases
 from cortet.errors import InputError
 
+#: column of the sheet that says which cases are folded
+FOLD = "fold"
 #: most names of cases that a message lists
 _MOST_NAMES = 5
 
@@ -31,6 +33,24 @@ def chosen(cases: Sequence[Case], which: Cases) -> list[Case]:
             f"no included case is named {', '.join(unknown)}", remedy=f"the sheet has {', '.join(known) or 'none'}"
         )
     return [known[name] for name in which]
+
+
+def folded(cases: Sequence[Case], which: Cases | None) -> list[Case]:
+    """The cases that are folded: the configuration chooses them, or else the column `fold` if there is one.
+
+    A fold starts at an age, so cases without an age are skipped unless they are asked for by name or column.
+    """
+    if which is None:
+        which = {"column": FOLD} if any(FOLD in case.extra for case in cases) else []
+    if isinstance(which, (str, int)):
+        return chosen([case for case in cases if case.scan_age is not None], which)
+    asked = chosen(cases, which)
+    if ageless := [case.name for case in asked if case.scan_age is None]:
+        raise InputError(
+            f"{', '.join(ageless)}: to be folded, but without an age, at which the fold would start",
+            remedy="give the age in column scan_age of the cohort sheet, gestational weeks, or do not fold the case",
+        )
+    return asked
 
 
 def _says_yes(case: Case, column: str) -> bool:

@@ -19,11 +19,12 @@ import numpy as np
 
 from cortet.errors import InputError
 from cortet.folding.body import Body
-from cortet.folding.fields import GROWTH_FIELD, age_of_growth, growth_field, node_field
+from cortet.folding.fields import node_field
 from cortet.folding.law import combined, cross, dot, exponential, fast, growth_share, vector
 from cortet.folding.surface_growth import matrices
 from cortet.geometry.limits import FOLD_AGES
 from cortet.meshes import FloatArray, TetMesh
+from cortet.solver_files.names import GROWTH_FIELD, age_of_growth, growth_field
 
 #: logarithm of a stretch beyond which a map cannot be a map of growth: more than a factor of seven
 _LARGEST = 2.0

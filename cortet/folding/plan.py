@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,9 +12,7 @@ from cortet.cohort.failures import why_missing
 from cortet.cohort.jobs import Job
 from cortet.cohort.layout import beside, file_of, filled
 from cortet.cohort.plan import Plan
-from cortet.cohort.selection import chosen
-from cortet.cohort.sheet import Case
-from cortet.config.section import Cases
+from cortet.cohort.selection import folded
 from cortet.errors import InputError
 from cortet.folding.measures import surface_files, weeks_of
 from cortet.meshes import OUTERMOST, region_names
@@ -24,9 +22,6 @@ from cortet.version import version_of
 
 if TYPE_CHECKING:
     from cortet.report.pages import Panel
-
-#: column of the sheet that says which cases are folded
-FOLD = "fold"
 
 
 @dataclass(frozen=True)
@@ -119,24 +114,6 @@ class Folds:
             f"{week:g}": [filled(self.surfaces(week)[name], job) for name in ("surface", measure) if name]
             for week in weeks
         }
-
-
-def folded(cases: Sequence[Case], which: Cases | None) -> list[Case]:
-    """The cases that are folded: the configuration chooses them, or else the column `fold` if there is one.
-
-    A fold starts at an age, so cases without an age are skipped unless they are asked for by name or column.
-    """
-    if which is None:
-        which = {"column": FOLD} if any(FOLD in case.extra for case in cases) else []
-    if isinstance(which, (str, int)):
-        return chosen([case for case in cases if case.scan_age is not None], which)
-    asked = chosen(cases, which)
-    if ageless := [case.name for case in asked if case.scan_age is None]:
-        raise InputError(
-            f"{', '.join(ageless)}: to be folded, but without an age, at which the fold would start",
-            remedy="give the age in column scan_age of the cohort sheet, gestational weeks, or do not fold the case",
-        )
-    return asked
 
 
 def _beside(verdict: str, patterns: Mapping[str, str], case: str) -> dict[str, str]:

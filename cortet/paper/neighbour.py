@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from cortet.neighbours import Neighbour
@@ -21,16 +21,6 @@ class Paper(Neighbour):
     def settings(self, config: Config) -> Iterable[str]:
         """Those that are compared."""
         return config.experiments.settings
-
-    def meshers(self, config: Config) -> Iterable[str]:
-        """Those of the ablation."""
-        return config.experiments.ablation.meshers
-
-    def before(self, plan: Plan, asked: Collection[str]) -> list[str]:
-        """What the meshes of the experiments cost."""
-        from cortet.paper.experiments import Experiments
-
-        return Experiments(plan).costs() if "tables" in asked else []
 
     def results(self, plan: Plan) -> Mapping[str, Results]:
         """Tables and figures."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -19,6 +21,10 @@ from cortet.solver_files.sets import set_name
 
 #: formats whose files are plain ASCII
 ASCII = ("abaqus", "febio", "nastran", "carp")
+
+#: growth that was measured up to an age: one of these and the age in weeks, with _ for the point
+GROWTH_FIELD, CORE_GROWTH_FIELD = "growth_to_", "core_growth_to_"
+_GROWTH = re.compile(re.escape(GROWTH_FIELD) + r"(\d+(?:[._]\d+)?)")
 
 _T = TypeVar("_T")
 
@@ -120,3 +126,25 @@ def _naming(solver: str) -> Callable[[Mapping[str, Any]], dict[str, Any]]:
 
 def _in_ascii(name: str) -> str:
     return unicodedata.normalize("NFKD", name.replace("ß", "ss")).encode("ascii", "ignore").decode()
+
+
+def growth_field(age: float, *, core: bool = False) -> str:
+    """The name of the field with growth up to an age, of the cortex or of the core."""
+    return f"{CORE_GROWTH_FIELD if core else GROWTH_FIELD}{age:g}".replace(".", "_")
+
+
+def age_of_growth(name: str) -> float | None:
+    """The age in weeks up to which a field of this name holds growth; None if it is not such a field."""
+    found = _GROWTH.fullmatch(name)
+    return float(found[1].replace("_", ".")) if found else None
+
+
+def check_age(name: str, own_name: str, file: str | Path) -> None:
+    """Raise InputError for growth that is named for another age than the one up to which it was measured."""
+    wanted, measured = age_of_growth(name), age_of_growth(own_name)
+    if wanted is not None and measured is not None and wanted != measured:
+        raise InputError(
+            f"holds growth up to {measured:g} weeks, but the field is named {name}",
+            file=file,
+            remedy=f"name it {own_name}",
+        )

@@ -27,7 +27,6 @@ from prediction_tables import correlation, predicted_surfaces, scores, write_pre
 from series import Series, lobes_of, series_of
 
 from cortet.errors import InputError
-from cortet.folding.fields import growth_field
 from cortet.folding.fold import fold
 from cortet.folding.growth import AREA, usual
 from cortet.folding.journal import SERIES
@@ -38,6 +37,7 @@ from cortet.formats import vtu
 from cortet.formats.gifti import write_fields, write_surface
 from cortet.geometry.topology import boundary_surface
 from cortet.meshes import FloatArray, TetMesh, TriSurface
+from cortet.solver_files.names import growth_field
 from cortet.stages.transfer import transfer
 from tests.unit.shapes import ball_mesh, ball_surface
 

@@ -10,12 +10,11 @@ from pathlib import Path
 import pytest
 
 from cortet.cohort.scan import scan
-from cortet.cohort.selection import ageless_notice, chosen
+from cortet.cohort.selection import ageless_notice, chosen, folded
 from cortet.cohort.sheet import COLUMNS, Case, add_to_sheet, read_sheet, write_sheet
 from cortet.cohort.surface_files import missing_surface
 from cortet.config import Scan, load
 from cortet.errors import InputError
-from cortet.folding.plan import folded
 from cortet.formats.gifti import read_surface
 
 GOOD = "007\t01\tL\t27.5\tdata/a.surf.gii\tyes\tn/a"

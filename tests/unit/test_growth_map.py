@@ -11,7 +11,6 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.cli import main
 from cortet.errors import InputError
-from cortet.folding.fields import growth_field
 from cortet.folding.fold import fold
 from cortet.folding.growth_map import sheared, tangents
 from cortet.folding.law import deformation, grown_gradients
@@ -29,6 +28,7 @@ from cortet.formats.gifti import write_surface
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import vertex_normals
 from cortet.meshes import FloatArray, TetMesh, TriSurface
+from cortet.solver_files.names import growth_field
 
 THIN = Settings(
     gestational_age=22.0,

@@ -215,9 +215,9 @@ def growth(
     --------
     cortet growth week28.surf.gii week30.surf.gii --ages 28 30 -o growth.func.gii
     """
-    from cortet.folding import calls
-    from cortet.folding.fields import growth_field
+    from cortet.api import folding as calls
     from cortet.formats.gifti import read_surface, write_fields
+    from cortet.solver_files.names import growth_field
 
     start, end = ages
     if not start < end:

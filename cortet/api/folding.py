@@ -62,8 +62,8 @@ def growth(
     >>> list(fields)
     ['growth_to_30']
     """
-    from cortet.folding.fields import growth_field
     from cortet.folding.surface_growth import measured, through_spheres
+    from cortet.solver_files.names import growth_field
 
     if len(ages) != 2 or not ages[0] < ages[1]:
         raise InputError(f"{', '.join(map(str, ages))} are not an early and a later age", remedy="give two, rising")
