@@ -44,6 +44,10 @@ def certify(
     -------
     `checks`, each a number beside its limit, and what follows from them: `certified`, `reasons`
 
+    Raises
+    ------
+    InputError : the mesh or the surface cannot be read, or a setting is impossible
+
     Examples
     --------
     >>> found = cortet.certify("x.vtu", "x.meshed.surf.gii")
@@ -106,6 +110,10 @@ def compare(
     Returns
     -------
     a row for each number of the certificate, with its unit, and a column for each mesh
+
+    Raises
+    ------
+    InputError : there are no meshes, or they have no names
 
     Examples
     --------

@@ -46,6 +46,10 @@ def read(path: str | Path, shape: SurfaceLike | None = None, cell_size: float | 
     -------
     nodes (n, 3) mm, tetrahedra (m, 4), fields, regions, and a new certificate
 
+    Raises
+    ------
+    InputError : the file cannot be read, or no sidecar names its surface and none is given
+
     Examples
     --------
     >>> made = cortet.read("x.vtu")
@@ -127,6 +131,11 @@ def convert(source: str | Path, target: str | Path, *, force: bool = False) -> l
     Returns
     -------
     what was changed or left out, in words
+
+    Raises
+    ------
+    InputError : an ending names no format, `source` cannot be read, or `target` exists and cortet did not make it
+    StageError : the mesh breaks a convention of solvers
 
     Examples
     --------

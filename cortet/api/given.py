@@ -67,6 +67,10 @@ def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
     -------
     `points` (n, 3) float64, as stored; `faces` (m, 3) int32; fields of the vertices, `point_data`
 
+    Raises
+    ------
+    InputError : it holds no triangles, hides some of its values, or is of an unknown kind
+
     Examples
     --------
     >>> cortet.surface("x.surf.gii").faces.shape
