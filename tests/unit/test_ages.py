@@ -33,79 +33,90 @@ def ages(folder: Path, patterns: Scan | None = None) -> tuple[list[float | None]
     return [case.scan_age for case in scan(folder, patterns, said.append)], "\n".join(said)
 
 
-@pytest.mark.parametrize("described", [None, {"Units": "years"}, {"Description": "age of the participant"}])
-def test_years_are_never_read_as_weeks(tmp_path: Path, described: dict[str, str] | None) -> None:
-    found, said = ages(dataset(tmp_path, "age", {"a": "28", "b": "35"}, described))
-    assert found == [None, None]
-    assert "not read: column age of participants.tsv, in years" in said
-    assert "it counts from birth" in said and "Where it is one: say Units: weeks in the sidecar" in said
+#: column, its entry in the sidecar, value -> weeks, or a keyword of the reason why it is not read
+READ: list[tuple[str, dict[str, str] | None, str, float | str]] = [
+    ("scan_age", None, "28.5", 28.5),
+    ("ga", {"Description": "at scan"}, "28.5", 28.5),
+    ("age", {"Units": "weeks"}, "28.5", 28.5),
+    ("age", {"Units": "days", "Description": "postmenstrual age"}, "196", 28.0),
+    ("gestational_age", {"Units": "d"}, "196", 28.0),
+    ("scan_age", {"Units": "months"}, "6.5", 28.26),
+    # weeks may be qualified, and a description of weeks may speak of days
+    *(
+        ("age", {"Units": units}, "28", 28.0)
+        for units in ("gestational weeks", "weeks (PMA)", "Weeks of gestation", "wk", "post-menstrual weeks", "w")
+    ),
+    *(
+        ("scan_age", {"Description": text}, "30", 30.0)
+        for text in ("weeks, not days", "age in weeks at the day of scan", "postmenstrual, to one day")
+    ),
+    # the column age of BIDS is in years since birth
+    ("age", None, "28", "in years"),
+    ("age", {"Units": "years"}, "28", "it counts from birth"),
+    ("age", {"Description": "age of the participant"}, "35", "it counts from birth"),
+    ("age", {"Units": "months"}, "28", "it counts from birth"),
+    ("age", {"Units": "weeks", "Description": "age since birth"}, "28.5", "it counts from birth"),
+    ("age", {"Units": "weeks", "Description": "time since the child was born"}, "30", "it counts from birth"),
+    ("age", {"Units": "weeks", "Description": "corrected age"}, "28", "it counts from birth"),
+    ("age", {"Units": "weeks", "Description": "time ex utero"}, "28", "it counts from birth"),
+    ("scan_age", {"Description": "postnatal age"}, "28", "it counts from birth"),
+    ("scan_age", {"Description": "post-natal age, weeks", "Units": "weeks"}, "28", "it counts from birth"),
+    ("ga", {"LongName": "weeks of life"}, "28", "it counts from birth"),
+    ("age", {"Description": "age of the mother at conception"}, "28", "of a parent"),
+    ("age", {"Units": "weeks", "Description": "maternal age at conception"}, "28", "of a parent"),
+    # units that are not understood, or that only a description names, are never weeks
+    *(
+        ("scan_age", {"Units": units}, "28", "these Units are not understood")
+        for units in ("a", "mois", "Jahre", "hours", "1/7 weeks", "mm/week", "10 days", "m", "weeks^2")
+    ),
+    ("age", {"Units": "years (not weeks)"}, "30", "not read"),
+    ("scan_age", {"Description": "30 yrs at most"}, "28", "Units: years in the sidecar"),
+    ("scan_age", {"Description": "age (mo)"}, "28", "Units: months in the sidecar"),
+    ("scan_age", {"Description": "age, y"}, "28", "Units: years in the sidecar"),
+    ("scan_age", {"Description": "postmenstrual age at scan in days"}, "45", "Units: days in the sidecar"),
+    ("scan_age", {"LongName": "age in months", "Description": "at scan"}, "30", "Units: months in the sidecar"),
+    # units and a description that contradict each other
+    ("scan_age", {"Units": "weeks", "Description": "Age in years"}, "30", "by its description it is in years"),
+    ("ga", {"Units": "weeks", "LongName": "GA, days"}, "30", "by its description it is in days"),
+    ("scan_age", {"Units": "days", "Description": "age, weeks"}, "30", "by its description it is in weeks"),
+    # values that are no gestational ages
+    *(
+        ("scan_age", None, text, f"as {text} of sub-a")
+        for text in ("196", "2_5", "30,5", "30 weeks", "P30W4D", "1e400")
+    ),
+]
+
+
+@pytest.mark.parametrize(("column", "described", "value", "found"), READ)
+def test_an_age_is_read_by_the_unit_that_the_dataset_states_or_the_reason_is_given(
+    tmp_path: Path, column: str, described: dict[str, str] | None, value: str, found: float | str
+) -> None:
+    known, said = ages(dataset(tmp_path, column, {"a": value}, described))
+    if isinstance(found, str):
+        assert known == [None]
+        assert "not read: " in said and f"column {column} of participants.tsv" in said and found in said
+    else:
+        assert known == [found] and said.startswith(f"ages are from column {column} of participants.tsv, in ")
 
 
 @pytest.mark.parametrize(
-    ("column", "value", "described", "weeks"),
+    ("described", "reason"),
     [
-        ("age", "28.5", {"Units": "weeks"}, 28.5),
-        ("age", "28.5", {"Units": "gestational weeks"}, 28.5),
-        ("age", "196", {"Units": "days", "Description": "postmenstrual age"}, 28.0),
-        ("gestational_age", "196", {"Units": "d"}, 28.0),
-        ("scan_age", "6.5", {"Units": "months"}, 28.26),
-        ("scan_age", "28.5", None, 28.5),
-        ("ga", "28.5", {"Description": "at scan"}, 28.5),
-        ("age", "28.5", {"Units": "weeks", "Description": "age since birth"}, None),
-        ("age", "28", {"Units": "months"}, None),
+        ({"Units": "years"}, "in years"),
+        ({"Units": "mois"}, "not understood"),
+        ({"Description": "Gestational age (Days)"}, "in days"),
+        ({"Units": "weeks", "Description": "Age in years"}, "it is in years"),
     ],
 )
-def test_the_unit_of_the_sidecar_counts(
-    tmp_path: Path, column: str, value: str, described: dict[str, str] | None, weeks: float | None
+def test_a_configuration_that_names_the_column_vouches_for_weeks_unless_the_sidecar_has_a_unit(
+    tmp_path: Path, described: dict[str, str], reason: str
 ) -> None:
-    found, said = ages(dataset(tmp_path, column, {"a": value}, described))
-    assert found == [weeks]
-    assert said.startswith(f"{'ages are from' if weeks else 'not read:'} column {column} of participants.tsv, in ")
-
-
-UNKNOWN = ["a", "mois", "Jahre", "hours", "1/7 weeks", "mm/week", "10 days", "m", "weeks^2"]
-
-
-@pytest.mark.parametrize("named", [False, True])
-@pytest.mark.parametrize("units", UNKNOWN)
-def test_units_that_are_not_understood_are_never_weeks(tmp_path: Path, units: str, named: bool) -> None:
-    patterns = Scan(age_columns=["scan_age"]) if named else None
-    found, said = ages(dataset(tmp_path, "scan_age", {"a": "28"}, {"Units": units}), patterns)
-    assert found == [None]
-    assert (
-        f"not read: column scan_age of participants.tsv, in an unknown unit (its sidecar says Units: {units})" in said
-    )
-    assert "these Units are not understood" in said and "no sidecar has" not in said
-
-
-@pytest.mark.parametrize(
-    "units",
-    ["weeks", "Weeks", "gestational weeks", "weeks (PMA)", "weeks of gestation", "wk", "post-menstrual weeks", "w"],
-)
-def test_weeks_may_be_qualified(tmp_path: Path, units: str) -> None:
-    assert ages(dataset(tmp_path, "age", {"a": "28"}, {"Units": units}))[0] == [28.0]
-
-
-@pytest.mark.parametrize(
-    ("column", "described", "why"),
-    [
-        ("scan_age", {"Description": "postnatal age"}, "it counts from birth"),
-        ("scan_age", {"Description": "post-natal age at scan, weeks", "Units": "weeks"}, "it counts from birth"),
-        ("ga", {"LongName": "weeks of life"}, "it counts from birth"),
-        ("age", {"Description": "age of the mother at conception"}, "it is the age of a parent"),
-        ("age", {"Description": "maternal age at conception", "Units": "weeks"}, "it is the age of a parent"),
-        ("age", {"Description": "corrected age", "Units": "weeks"}, "it counts from birth"),
-        ("age", {"Description": "time ex utero", "Units": "weeks"}, "it counts from birth"),
-        ("scan_age", {"Description": "30 yrs at most"}, "in years (by its description)"),
-        ("scan_age", {"Description": "age (mo)"}, "in months (by its description)"),
-        ("scan_age", {"Description": "age, y"}, "in years (by its description)"),
-    ],
-)
-def test_what_a_description_says_counts_without_units(
-    tmp_path: Path, column: str, described: dict[str, str], why: str
-) -> None:
-    found, said = ages(dataset(tmp_path, column, {"a": "28"}, described))
-    assert found == [None] and why in said
+    named = Scan(age_columns=["age"])
+    folder = dataset(tmp_path, "age", {"a": "28"})
+    assert ages(folder, named)[0] == [28.0]
+    (folder / "participants.json").write_text(json.dumps({"age": described}))
+    found, said = ages(folder, named)
+    assert found == [None] and reason in said
 
 
 def test_columns_and_keys_in_another_case_are_the_same_and_a_column_twice_is_refused(tmp_path: Path) -> None:
@@ -117,75 +128,6 @@ def test_columns_and_keys_in_another_case_are_the_same_and_a_column_twice_is_ref
         InputError, match=r"participants.tsv: line 1: 2 columns are called scan_age \(keep one of them\)"
     ):
         ages(folder)
-
-
-def test_numbers_as_programs_write_them_are_no_ages(tmp_path: Path) -> None:
-    found, said = ages(dataset(tmp_path, "scan_age", {"a": "2_5"}))
-    assert found == [None] and "2_5 of sub-a: no age from 12 to 60 gestational weeks" in said
-
-
-@pytest.mark.parametrize("named", [False, True])
-@pytest.mark.parametrize(
-    ("said", "unit"),
-    [
-        ({"Description": "postmenstrual age at scan in days"}, "days"),
-        ({"Description": "Gestational age (Days)"}, "days"),
-        ({"LongName": "age in months", "Description": "at scan"}, "months"),
-        ({"Description": "given in years"}, "years"),
-    ],
-)
-def test_a_unit_that_only_a_description_names_is_never_read_as_weeks(
-    tmp_path: Path, said: dict[str, str], unit: str, named: bool
-) -> None:
-    patterns = Scan(age_columns=["scan_age"]) if named else None
-    folder = dataset(tmp_path, "scan_age", {"a": "30", "b": "45"}, said)
-    found, told = ages(folder, patterns)
-    assert found == [None, None]
-    assert f"column scan_age of participants.tsv, in {unit} (by its description); a description is not a unit" in told
-    assert f"(say Units: {unit} in the sidecar)" in told
-
-
-@pytest.mark.parametrize("named", [False, True])
-@pytest.mark.parametrize(
-    ("column", "units", "said", "other"),
-    [
-        ("scan_age", "weeks", {"Description": "Age in years"}, "years"),
-        ("age", "weeks", {"Description": "Age in years"}, "years"),
-        ("ga", "weeks", {"LongName": "GA, days", "Description": "at scan"}, "days"),
-        ("scan_age", "days", {"Description": "postmenstrual age, weeks"}, "weeks"),
-    ],
-)
-def test_units_and_a_description_that_contradict_each_other_are_both_named(
-    tmp_path: Path, column: str, units: str, said: dict[str, str], other: str, named: bool
-) -> None:
-    patterns = Scan(age_columns=[column]) if named else None
-    found, told = ages(dataset(tmp_path, column, {"a": "30", "b": "45"}, {**said, "Units": units}), patterns)
-    assert found == [None, None]
-    assert told.startswith(
-        f"not read: column {column} of participants.tsv, in {units} (its sidecar says Units: {units}); "
-        f"by its description it is in {other} (mend the Units or the description in the sidecar)"
-    )
-
-
-@pytest.mark.parametrize("text", ["weeks, not days", "age in weeks at the day of scan", "postmenstrual, to one day"])
-def test_a_description_of_weeks_may_speak_of_days(tmp_path: Path, text: str) -> None:
-    assert ages(dataset(tmp_path, "scan_age", {"a": "30"}, {"Description": text}))[0] == [30.0]
-
-
-def test_a_configuration_that_names_the_column_vouches_for_weeks(tmp_path: Path) -> None:
-    folder = dataset(tmp_path, "age", {"a": "28"})
-    assert ages(folder, Scan(age_columns=["age"]))[0] == [28.0]
-    (folder / "participants.json").write_text('{"age": {"Units": "years"}}')
-    assert ages(folder, Scan(age_columns=["age"]))[0] == [None]
-
-
-def test_a_value_that_is_no_gestational_age_is_named_and_left_out(tmp_path: Path) -> None:
-    found, said = ages(dataset(tmp_path, "scan_age", {"a": "28", "b": "196"}))
-    assert found == [28.0, None]
-    assert (
-        "196 of sub-b: no age from 12 to 60 gestational weeks (give one number, and its unit in the sidecar, as Units)"
-        in said
-    )
 
 
 def test_sessions_that_share_the_age_of_their_participant_are_named(tmp_path: Path) -> None:
@@ -240,13 +182,6 @@ def test_the_command_says_which_column_it_read(tmp_path: Path, capsys: pytest.Ca
     assert [case.scan_age for case in read_sheet(tmp_path / "cohort.tsv")] == [None]
 
 
-@pytest.mark.parametrize("text", ["30,5", "30 weeks", "30+4", "P30W4D", "1e400"])
-def test_an_age_that_is_no_number_is_told(tmp_path: Path, text: str) -> None:
-    found, said = ages(dataset(tmp_path, "scan_age", {"a": text, "b": "31", "c": "n/a", "d": ""}))
-    assert found == [None, 31.0, None, None]
-    assert f"not read: 1 of column scan_age of participants.tsv, in weeks (no sidecar has its Units), as {text}" in said
-
-
 def test_rows_that_contradict_each_other_give_no_age(tmp_path: Path) -> None:
     folder = dataset(tmp_path, "scan_age", {"a": "30", "b": "31"})
     with (folder / "participants.tsv").open("a") as table:
@@ -254,12 +189,3 @@ def test_rows_that_contradict_each_other_give_no_age(tmp_path: Path) -> None:
     found, said = ages(folder)
     assert found == [None, 31.0]
     assert "as 30 and 35 of sub-a: no age from 12 to 60 gestational weeks (give one number" in said
-
-
-@pytest.mark.parametrize(
-    "described",
-    [{"Units": "years (not weeks)"}, {"Units": "weeks", "Description": "time since the child was born"}],
-)
-def test_a_unit_that_is_not_clear_or_counts_from_birth_is_not_read(tmp_path: Path, described: dict[str, str]) -> None:
-    found, said = ages(dataset(tmp_path, "age", {"a": "30"}, described))
-    assert found == [None] and "not read: column age of participants.tsv" in said

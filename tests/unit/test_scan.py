@@ -1,0 +1,262 @@
+"""A scan of a data release: which surfaces are taken, what lies beside them, and what is said of the others."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from cortet.cohort.scan import scan
+from cortet.cohort.sheet import Case, read_sheet, write_sheet
+from cortet.cohort.surface_files import missing_surface
+from cortet.config import Scan
+from cortet.errors import InputError
+from cortet.formats.gifti import read_surface
+
+
+def touched(folder: Path, *names: str) -> Path:
+    """A folder with empty files of these names."""
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).touch()
+    return folder
+
+
+def scanned(folder: Path, patterns: Scan | None = None) -> tuple[list[Case], str]:
+    """The cases, with the names of surfaces below the folder, and what was said."""
+    said: list[str] = []
+    cases = scan(folder, patterns, said.append)
+    return [replace(case, surface=Path(case.surface).relative_to(folder).as_posix()) for case in cases], "\n".join(said)
+
+
+def surfaces(folder: Path, patterns: Scan | None = None) -> list[str]:
+    return [str(case.surface) for case in scanned(folder, patterns)[0]]
+
+
+def release(folder: Path) -> Path:
+    """A small dHCP-like release: two participants, one with an age in the sessions table, one in participants.tsv."""
+    for participant, session in (("CC01", "100"), ("CC02", "200")):
+        begin = f"sub-{participant}/ses-{session}/anat/sub-{participant}_ses-{session}"
+        ends = ("hemi-left_wm", "hemi-right_wm", "hemi-left_pial", "hemi-left_white")
+        touched(folder, *(f"{begin}_{end}.surf.gii" for end in ends))
+    (folder / "sub-CC01/sub-CC01_sessions.tsv").write_text("session_id\tscan_age\n99\t21.0\n100\t30.5\n")
+    (folder / "participants.tsv").write_text("participant_id\tscan_age\nCC01\t1\nsub-CC02\t33\n")
+    return folder
+
+
+def freesurfer(folder: Path, *subjects: str) -> Path:
+    """Subjects of FreeSurfer, with the files that a scan looks for."""
+    names = ("lh.white", "lh.pial", "lh.sphere.reg", "lh.thickness", "rh.white")
+    return touched(folder, *(f"{subject}/surf/{name}" for subject in subjects for name in names))
+
+
+def test_the_white_surfaces_of_a_release_are_found_with_their_ages(tmp_path: Path) -> None:
+    cases, _ = scanned(release(tmp_path))
+    assert [(case.name, case.scan_age, Path(case.surface).name) for case in cases] == [
+        ("sub-CC01_ses-100_hemi-L", 30.5, "sub-CC01_ses-100_hemi-left_wm.surf.gii"),
+        ("sub-CC01_ses-100_hemi-R", 30.5, "sub-CC01_ses-100_hemi-right_wm.surf.gii"),
+        ("sub-CC02_ses-200_hemi-L", 33.0, "sub-CC02_ses-200_hemi-left_wm.surf.gii"),
+        ("sub-CC02_ses-200_hemi-R", 33.0, "sub-CC02_ses-200_hemi-right_wm.surf.gii"),
+    ]
+    (tmp_path / "participants.tsv").unlink()
+    cases = scan(tmp_path)
+    assert [(case.scan_age, case.include) for case in cases] == [(30.5, True)] * 2 + [(None, True)] * 2
+    write_sheet(cases, tmp_path / "cohort.tsv")
+    assert read_sheet(tmp_path / "cohort.tsv") == cases
+
+
+def test_pial_surfaces_are_taken_with_the_white_ones_inside_where_asked(tmp_path: Path) -> None:
+    left, right, *_ = scan(release(tmp_path), Scan(pial=True))
+    assert Path(left.surface).name.endswith("left_pial.surf.gii")
+    assert Path(left.inner["white"]).name.endswith("left_wm.surf.gii")
+    assert Path(right.surface).name.endswith("right_wm.surf.gii") and not right.inner
+    assert not any(case.inner for case in scan(tmp_path))
+
+
+def test_the_sphere_beside_a_surface_is_found_the_registered_one_first(tmp_path: Path) -> None:
+    begin = "sub-CC01_ses-100_hemi-"
+    ends = ("left_sphere", "left_sphere.reg40", "right_sphere")
+    touched(release(tmp_path) / "sub-CC01/ses-100/anat", *(f"{begin}{end}.surf.gii" for end in ends))
+    names = [case.sphere and Path(case.sphere).name for case in scan(tmp_path)]
+    assert names == [f"{begin}left_sphere.reg40.surf.gii", f"{begin}right_sphere.surf.gii", None, None]
+    assert not any(case.sphere for case in scan(tmp_path, Scan(spheres=[])))
+
+
+def test_subjects_of_freesurfer_may_have_any_name_but_that_of_the_template(tmp_path: Path) -> None:
+    cases, said = scanned(freesurfer(tmp_path, "subj_01", "bert.long", "fsaverage"))
+    names = [f"sub-{who}_hemi-{hemi}" for who in ("bertlong", "subj01") for hemi in "LR"]
+    assert [case.name for case in cases] == names
+    assert "subj_01 is called sub-subj01" in said
+    assert "registered spheres: 2" in said
+
+
+def test_surfaces_and_fields_beside_that_of_freesurfer_are_found(tmp_path: Path) -> None:
+    surf = freesurfer(tmp_path, "bert") / "bert/surf"
+    left, right = scan(tmp_path, Scan(pial=True, fields={"thickness": ["thickness.shape.gii", "thickness"]}))
+    assert (left.surface, left.inner, left.sphere) == (
+        surf / "lh.pial",
+        {"white": surf / "lh.white"},
+        surf / "lh.sphere.reg",
+    )
+    assert left.fields == {"thickness": surf / "lh.thickness"} and right.fields == {}
+    assert (right.surface, right.sphere) == (surf / "rh.white", None)
+
+
+def test_patterns_are_configurable(tmp_path: Path) -> None:
+    touched(tmp_path, "x/A7.rh.white.gii")
+    (tmp_path / "ages.tsv").write_text("participant_id\tweeks\nA7\t28\n")
+    patterns = Scan(surfaces=["x/{participant}.{hemi}.white.gii"], participants="ages.tsv", age_columns=["weeks"])
+    (case,) = scan(tmp_path, patterns)
+    assert (case.name, case.scan_age) == ("sub-A7_hemi-R", 28.0)
+
+
+@pytest.mark.parametrize(
+    ("file", "case"),
+    [
+        ("sub-01/ses-1/anat/sub-01_ses-1_acq-T1w_run-1_hemi-L_space-T1w_desc-x_white.surf.gii", "sub-01_ses-1_hemi-L"),
+        ("sub-01/ses-1/anat/sub-01_hemi-R_ses-1_space-MNIInfant_cohort-3_wm.surf.gii", "sub-01_ses-1_hemi-R"),
+        ("sub-01/anat/sub-01_hemi-L_smoothwm.surf.gii", "sub-01_hemi-L"),
+        ("sub-01/anat/sub-01_ses-2_run-1_hemi-L_white.surf.gii", "sub-01_ses-2_hemi-L"),
+        ("sub-01/anat/sub-01_acq-b_white.surf.gii", "sub-01"),
+        ("sub-01/anat/sub-01_hemi-L_white.surf.gii.gz", "sub-01_hemi-L"),
+        ("sub-01_ses-1/surf/lh.white", "sub-01_ses-1_hemi-L"),
+        ("sub-01/ses-1/surf/rh.white", "sub-01_ses-1_hemi-R"),
+        ("100307/T1w/Native/100307.L.white.native.surf.gii", "sub-100307_hemi-L"),
+    ],
+)
+def test_the_names_of_other_pipelines_are_known(tmp_path: Path, file: str, case: str) -> None:
+    """Of fMRIPrep, nibabies, FreeSurfer and HCP, with the pial surface beside, where asked."""
+    path = tmp_path / file
+    pial = path.with_name(re.sub("smoothwm|white|wm", "pial", path.name))
+    touched(tmp_path, file, str(pial))
+    said: list[str] = []
+    (found,) = scan(tmp_path, say=said.append)
+    assert (found.name, found.surface) == (case, path)
+    assert "white surfaces alone: 1" in said[-1] and "(--pial takes both)" in said[-1]
+    (both,) = scan(tmp_path, Scan(pial=True), said.append)
+    assert (both.surface, both.inner) == (pial, {"white": path})
+    assert "pial surfaces with the white ones inside: 1" in said[-1]
+
+
+#: what is in the folder -> what is taken, and what is said of the rest
+A = "sub-01/anat/sub-01"
+SEVERAL: dict[str, tuple[list[str], list[str], str]] = {
+    "two runs": (
+        [f"{A}_run-2_hemi-L_white.surf.gii", f"{A}_run-1_hemi-L_white.surf.gii"],
+        [f"{A}_run-1_hemi-L_white.surf.gii"],
+        f"2 surfaces of one hemisphere: {A}_run-1_hemi-L_white.surf.gii, {A}_run-2_hemi-L_white.surf.gii; the first",
+    ),
+    "one that was converted": (
+        ["bert/surf/lh.white", "bert/surf/lh.white.surf.gii", "bert/surf/rh.white.surf.gii"],
+        ["bert/surf/lh.white", "bert/surf/rh.white.surf.gii"],
+        "2 surfaces of one hemisphere: bert/surf/lh.white, bert/surf/lh.white.surf.gii; the first",
+    ),
+    "two patterns": (
+        [f"{A}_hemi-{hemi}_{kind}.surf.gii" for hemi in "LR" for kind in ("smoothwm", "white")],
+        [f"{A}_hemi-{hemi}_white.surf.gii" for hemi in "LR"],
+        f"that have another, not taken: {A}_hemi-L_smoothwm.surf.gii, {A}_hemi-R_smoothwm.surf.gii",
+    ),
+    "another in the space of a template": (
+        [f"{A}_hemi-L_space-T1w_white.surf.gii", f"{A}_hemi-L_space-MNI152_wm.surf.gii"],
+        [f"{A}_hemi-L_space-T1w_white.surf.gii"],
+        f"that have another, not taken: {A}_hemi-L_space-MNI152_wm.surf.gii",
+    ),
+    "one in the space of a template": (
+        [f"{A}_hemi-R_space-MNI152_wm.surf.gii"],
+        [f"{A}_hemi-R_space-MNI152_wm.surf.gii"],
+        f"in the space of a template, space-MNI152: {A}_hemi-R_space-MNI152_wm.surf.gii",
+    ),
+    "a side with a pial surface alone": (
+        ["sub-01/surf/lh.white", "sub-01/surf/rh.pial", "sub-02/anat/sub-02_hemi-L_pial.surf.gii"],
+        ["sub-01/surf/lh.white"],
+        "no white one, left out: sub-01/surf/rh.pial, sub-02/anat/sub-02_hemi-L_pial.surf.gii",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", SEVERAL)
+def test_of_several_surfaces_one_is_taken_and_the_others_are_named(tmp_path: Path, what: str) -> None:
+    names, taken, told = SEVERAL[what]
+    folder = touched(tmp_path, *names)
+    assert surfaces(folder) == taken
+    assert told in scanned(folder)[1]
+
+
+def test_of_two_runs_that_with_both_surfaces_is_taken_where_both_are_asked_for(tmp_path: Path) -> None:
+    names = [f"{A}_run-{end}.surf.gii" for end in ("1_hemi-L_white", "2_hemi-L_white", "2_hemi-L_pial")]
+    folder = touched(tmp_path, *names)
+    assert surfaces(folder) == names[:1] and surfaces(folder, Scan(pial=True)) == names[2:]
+
+
+MNI = "100307/MNINonLinear/Native/100307.L.white.native.surf.gii"
+
+
+@pytest.mark.parametrize(
+    ("file", "given", "words"),
+    [
+        ("sub-01/surf/lh.pial", "", r"1 pial ones, as .*lh\.pial .get the white ones"),
+        (MNI, "", r"1 in the space of a template, as .*get T1w/Native of HCP"),
+        (".gitmodules", "", "datalad get -n -r "),
+        ("x.surf.gii", "", r"no surfaces found .*set cohort\.scan\.surfaces.*_wm\.surf\.gii"),
+        ("sub-01/ses-1/anat/sub-01_ses-2_hemi-L_white.surf.gii", "", "no surfaces found"),
+        (f"{A}_hemi-L_white.surf.gii", "sub-01", "folder of a subject"),
+        ("sub-01/ses-1/anat/sub-01_ses-1_hemi-L_white.surf.gii", "sub-01/ses-1", "folder of a subject"),
+        ("bert/surf/lh.white", "bert", "folder of a subject"),
+    ],
+)
+def test_a_folder_without_white_surfaces_says_what_is_there(tmp_path: Path, file: str, given: str, words: str) -> None:
+    folder = touched(tmp_path / "study", file)
+    above = rf".*name {folder}\)" if given else ""
+    with pytest.raises(InputError, match=words + above):
+        scan(folder / given)
+
+
+def test_subjects_whose_labels_are_alike_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="would both be sub-a1"):
+        scan(freesurfer(tmp_path, "a_1", "a-1"))
+    with pytest.raises(InputError, match="differ in case only"):
+        scan(freesurfer(tmp_path / "case", "sub-S1", "sub-s1"))
+
+
+def test_links_whose_content_is_elsewhere_are_named(tmp_path: Path) -> None:
+    """As DataLad leaves them. The white surface alone is not taken for a pair whose pial surface is elsewhere."""
+    folder = freesurfer(tmp_path / "fs", "bert")
+    surf = folder / "bert/surf"
+    (surf / "lh.white").unlink()
+    for name in ("lh.white", "rh.pial"):
+        (surf / name).symlink_to("../../.git/annex/objects/x")
+    said: list[str] = []
+    left, right = scan(folder, Scan(pial=True, volumes={"aseg": ["{participant}/surf/rh.pial"]}), said.append)
+    assert (left.surface, right.surface) == (surf / "lh.pial", surf / "rh.pial")
+    assert right.inner == {"white": surf / "rh.white"} and not right.volumes
+    for name in ("lh.white", "rh.pial"):
+        assert f"{surf / name}: is a link whose content is not here (datalad get {surf / name})" in said
+    assert any("so the volume aseg is left out" in line for line in said)
+    with pytest.raises(InputError, match="is a link whose content is not here") as error:
+        read_surface(surf / "rh.pial")
+    assert str(error.value) == str(missing_surface(surf / "rh.pial", column="surface"))
+
+
+def test_a_folder_of_links_alone_says_so(tmp_path: Path) -> None:
+    (tmp_path / "sub-01").mkdir()
+    (tmp_path / "sub-01/anat").symlink_to("../.git/annex/objects/x")
+    with pytest.raises(InputError, match=r"1 links whose content is not here, as (.*sub-01/anat) .datalad get \1,"):
+        scan(tmp_path)
+
+
+def test_a_sheet_names_links_not_what_they_lead_to(tmp_path: Path) -> None:
+    """DataLad keeps content under names that say neither surface nor hemisphere; a link may lead to itself."""
+    folder = freesurfer(tmp_path / "fs", "bert")
+    white = folder / "bert/surf/lh.white"
+    key = touched(folder, ".git/annex/objects/MD5E-s9--0a") / ".git/annex/objects/MD5E-s9--0a"
+    white.rename(key)
+    white.symlink_to("../../.git/annex/objects/MD5E-s9--0a")
+    (folder / "bert/surf/rh.white").unlink()
+    (folder / "bert/surf/rh.white").symlink_to("rh.white")
+    cases = [case for case in scan(folder) if Path(case.surface).name == "lh.white"]
+    sheet = tmp_path / "surfaces.tsv"
+    write_sheet([*cases, replace(cases[0], hemi="R", surface=white.with_name("rh.white"))], sheet)
+    text = sheet.read_text()
+    assert "fs/bert/surf/lh.white" in text and "fs/bert/surf/rh.white" in text and ".git" not in text

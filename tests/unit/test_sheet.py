@@ -1,0 +1,226 @@
+"""The cohort sheet: what a row means, which cases are chosen, and that bad rows are named with line and column."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cortet.cohort.selection import ageless_notice, chosen, folded
+from cortet.cohort.sheet import COLUMNS, Case, add_to_sheet, read_sheet, write_sheet
+from cortet.config import load
+from cortet.errors import InputError
+
+GOOD = "007\t01\tL\t27.5\tdata/a.surf.gii\tyes\tn/a"
+SYNTHETIC = "007\t01\tR\t30\tphantom\tyes\tn/a"
+
+
+def sheet(folder: Path, *rows: str, extra: str = "") -> Path:
+    path = folder / "cohort.tsv"
+    path.write_text("\t".join(COLUMNS) + extra + "\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    return path
+
+
+#: row, further columns and their values, attributes of the case; files are relative to the folder of the sheet
+ROWS: list[tuple[str, dict[str, str], dict[str, Any]]] = [
+    (GOOD, {}, {"name": "sub-007_ses-01_hemi-L", "folder": "sub-007/ses-01", "scan_age": 27.5}),
+    ("sub-007\tn/a\tn/a\t27.5\t/abs/a.surf.gii\tyes\tn/a", {}, {"name": "sub-007", "surface": Path("/abs/a.surf.gii")}),
+    (GOOD.replace("data/a", "data/a  b"), {}, {"surface": Path("data/a  b.surf.gii")}),
+    (SYNTHETIC, {}, {"is_phantom": True}),
+    ("007\t01\tL\tn/a\ta.gii\tno\tmotion", {}, {"include": False, "exclude_reason": "motion", "scan_age": None}),
+    ('007\t01\tL\t30\ta.gii\tno\tthe "left" one', {"note": '"'}, {"exclude_reason": 'the "left" one'}),
+    (GOOD, {"scanner": "1", "site": "n/a"}, {"extra": {"scanner": "1", "site": "n/a"}}),
+    (GOOD, {"unit": "m", "affine": "n/a"}, {"unit": "m", "affine": None}),
+    (GOOD, {"unit": "n/a", "affine": "t2.nii.gz"}, {"unit": None, "affine": Path("t2.nii.gz")}),
+    (GOOD, {"cell_size": "1.001"}, {"cell_size": 1.001}),
+    (GOOD, {"cell_size": "n/a"}, {"cell_size": None}),
+    (GOOD, {"sphere": "a.sphere.gii"}, {"sphere": Path("a.sphere.gii"), "extra": {}}),
+    (SYNTHETIC, {"sphere": "phantom", "inner": "phantom"}, {"sphere": "phantom", "inner": {"white": "phantom"}}),
+    (GOOD, {"field_thickness": "t.shape.gii"}, {"fields": {"thickness": Path("t.shape.gii")}}),
+    (
+        GOOD,
+        {"inner": "white.surf.gii", "inner_ventricle": "v.surf.gii"},
+        {"inner": {"white": Path("white.surf.gii"), "ventricle": Path("v.surf.gii")}},
+    ),
+]
+
+
+def below(folder: Path, value: Any) -> Any:
+    """The value of an attribute with the files below a folder."""
+    if isinstance(value, dict):
+        return {key: below(folder, one) for key, one in value.items()}
+    return folder / value if isinstance(value, Path) else value
+
+
+@pytest.mark.parametrize(("row", "more", "attributes"), ROWS)
+def test_a_row_becomes_a_case_and_is_written_as_it_was_read(
+    tmp_path: Path, row: str, more: dict[str, str], attributes: dict[str, Any]
+) -> None:
+    extra = "".join(f"\t{name}" for name in more)
+    cases = read_sheet(sheet(tmp_path, "\t".join([row, *more.values()]), extra=extra))
+    assert {name: getattr(cases[0], name) for name in attributes} == below(tmp_path, attributes)
+    write_sheet(cases, tmp_path / "again.tsv")
+    assert read_sheet(tmp_path / "again.tsv") == cases
+
+
+#: row, further columns and their values, column that the error names, keyword of the remedy
+BAD: list[tuple[str, dict[str, str], str, str]] = [
+    (GOOD.replace("007", "00/7"), {}, "participant_id", "BIDS label"),
+    (GOOD.replace("007", "n/a"), {}, "participant_id", "BIDS label"),
+    (GOOD.replace("01", "ses_1"), {}, "session_id", "BIDS label"),
+    (GOOD.replace("\tL", "\tleft-ish"), {}, "hemi", "use L, R"),
+    (GOOD.replace("27.5", "190"), {}, "scan_age", "gestational weeks"),
+    (GOOD.replace("27.5", "nan"), {}, "scan_age", "gestational weeks"),
+    (GOOD.replace("27.5", "old"), {}, "scan_age", "n/a where the age is not known"),
+    (SYNTHETIC.replace("30", "n/a"), {}, "scan_age", "phantom"),
+    (SYNTHETIC.replace("\tR", "\tn/a"), {}, "hemi", "phantom"),
+    (GOOD.replace("data/a.surf.gii", "n/a"), {}, "surface", "names no file"),
+    (GOOD.replace("data/a", "{x}"), {}, "surface", "braces"),
+    (GOOD.replace("yes", "maybe"), {}, "include", "use yes or no"),
+    (GOOD.replace("yes", "no"), {}, "exclude_reason", "give a reason"),
+    (GOOD, {"unit": "inch"}, "unit", "use mm"),
+    *((GOOD, {"cell_size": text}, "cell_size", "multiple") for text in ("0", "-1", "fine", "0.80001", "1e9", "nan")),
+    (GOOD, {"sphere": "phantom"}, "sphere", "use phantom in both columns"),
+    (SYNTHETIC, {"sphere": "a.gii"}, "sphere", "use phantom in both columns"),
+    (GOOD, {"inner_core": "a.gii"}, "inner_core", "use another name"),
+    (SYNTHETIC, {"inner": "a.gii"}, "inner", "use phantom in both columns"),
+    (SYNTHETIC, {"inner_v": "a.gii"}, "inner_v", "use phantom in both columns"),
+]
+
+
+@pytest.mark.parametrize(("row", "more", "column", "remedy"), BAD)
+def test_a_bad_row_is_named_with_line_column_and_remedy(
+    tmp_path: Path, row: str, more: dict[str, str], column: str, remedy: str
+) -> None:
+    extra = "".join(f"\t{name}" for name in more)
+    with pytest.raises(InputError) as error:
+        read_sheet(sheet(tmp_path, "\t".join([row, *more.values()]), extra=extra))
+    assert f"line 2, column {column}: " in str(error.value) and remedy in str(error.value)
+
+
+def test_all_bad_rows_are_named_at_once(tmp_path: Path) -> None:
+    rows = (GOOD, GOOD, GOOD.replace("007", "0 8"), GOOD.replace("27.5", "x").replace("007", "9"), "8\tn/a")
+    with pytest.raises(InputError) as error:
+        read_sheet(sheet(tmp_path, *rows))
+    message = str(error.value)
+    assert "4 problem(s)" in message
+    assert "line 3, columns participant_id, session_id, hemi: sub-007_ses-01_hemi-L is already in line 2" in message
+    assert "line 4, column participant_id: '0 8'" in message
+    assert "line 5, column scan_age: 'x'" in message
+    assert "line 6, all columns: 2 values for 7 columns" in message
+
+
+@pytest.mark.parametrize(
+    ("text", "keyword"),
+    [
+        ("", "empty"),
+        ("participant_id,hemi\n1,L\n", "no column participant_id"),
+        ("\t".join([*COLUMNS, "hemi"]) + "\n", "same name"),
+        ("\t".join([*COLUMNS, "inner", "inner_white"]) + "\n", "same region"),
+        ("\t".join(COLUMNS) + "\n", "no rows"),
+    ],
+)
+def test_a_sheet_that_is_no_sheet_is_refused(tmp_path: Path, text: str, keyword: str) -> None:
+    path = tmp_path / "cohort.tsv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=rf"(?s)cohort\.tsv: .*{keyword}"):
+        read_sheet(path)
+
+
+def test_labels_that_differ_in_case_only_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"sub-s1_ses-01_hemi-L is already in line 2"):
+        read_sheet(sheet(tmp_path, GOOD.replace("007", "S1"), GOOD.replace("007", "s1")))
+
+
+def test_fields_come_from_the_configured_pattern_and_the_row_has_the_last_word(tmp_path: Path) -> None:
+    rows = (GOOD + "\tn/a", GOOD.replace("007", "008") + "\town.shape.gii")
+    path = sheet(tmp_path, *rows, extra="\tfield_thickness")
+    first, second = read_sheet(path, {"thickness": "t/{participant_id}.shape.gii", "curv": "c/{hemi}.shape.gii"})
+    assert first.fields == {"curv": tmp_path / "c/L.shape.gii"}
+    assert second.fields == {"thickness": tmp_path / "own.shape.gii", "curv": tmp_path / "c/L.shape.gii"}
+    with pytest.raises(InputError, match="subject"):
+        read_sheet(path, {"thickness": "{subject}.shape.gii"})
+
+
+def test_a_sheet_is_complete_or_as_it_was(tmp_path: Path) -> None:
+    path = sheet(tmp_path, GOOD)
+    before = path.read_bytes()
+    (case,) = read_sheet(path)
+    with pytest.raises(UnicodeEncodeError):
+        write_sheet([case, replace(case, participant="8", surface=Path("\ud800"))], path)
+    assert path.read_bytes() == before and list(tmp_path.iterdir()) == [path]
+
+
+def test_new_cases_are_appended_and_every_row_stays(tmp_path: Path) -> None:
+    edited = GOOD.replace("yes\tn/a", 'no\tthe "left" one') + "\t3T"
+    gone = GOOD.replace("007", "900") + "\tn/a"
+    path = sheet(tmp_path, gone, edited, extra="\tscanner")
+    before = path.read_text()
+    new = Case("008", None, "R", 30.0, tmp_path / "data/b.surf.gii")
+    found = [Case("007", "01", "L", 20.0, tmp_path / "other.surf.gii"), new]
+    assert add_to_sheet(found, path) == [new]
+    assert path.read_text() == before + "sub-008\tn/a\tR\t30\tdata/b.surf.gii\tyes\tn/a\tn/a\n"
+    assert add_to_sheet(found, path) == []
+
+
+def test_a_file_below_the_working_folder_has_one_spelling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data/x.gii").touch()
+    monkeypatch.chdir(tmp_path)
+    for name in ("data/x.gii", "./data/x.gii", f"../{tmp_path.name}/data/x.gii", str(tmp_path / "data/x.gii")):
+        sheet(Path(), GOOD.replace("data/a.surf.gii", name))
+        for path in (Path("cohort.tsv"), Path("cohort.tsv").absolute()):
+            assert read_sheet(path)[0].surface == Path("data/x.gii"), name
+
+
+def test_cases_are_chosen_by_name_by_number_over_the_ages_or_all() -> None:
+    cases = [Case(str(age), None, "L", age, "phantom") for age in (30, 22, 36, 26, 34)]
+    assert chosen(cases, "all") == cases
+    assert [case.scan_age for case in chosen(cases, 3)] == [22, 30, 36]
+    assert [case.scan_age for case in chosen(cases, 1)] == [22]
+    assert len(chosen(cases, 9)) == 5 and chosen(cases, 0) == []
+    assert chosen(cases, ["sub-36_hemi-L"]) == [cases[2]]
+    with pytest.raises(InputError, match="no included case is named sub-40_hemi-L"):
+        chosen(cases, ["sub-40_hemi-L"])
+
+
+def marked(tmp_path: Path, *words: str, column: str = "fold") -> list[Case]:
+    rows = (GOOD.replace("007", f"a{number}") + f"\t{word}" for number, word in enumerate(words))
+    return read_sheet(sheet(tmp_path, *rows, extra=f"\t{column}"))
+
+
+def test_a_column_of_the_sheet_may_choose_cases(tmp_path: Path) -> None:
+    cases = marked(tmp_path, "yes", "no", "TRUE", "0", column="simulated")
+    assert chosen(cases, {"column": "simulated"}) == [cases[0], cases[2]] == folded(cases, {"column": "simulated"})
+    with pytest.raises(InputError, match="no column fold"):
+        chosen(cases, {"column": "fold"})
+    with pytest.raises(InputError, match="column fold of sub-a1_ses-01_hemi-L: 'maybe'"):
+        chosen(marked(tmp_path, "yes", "maybe"), {"column": "fold"})
+
+
+def test_the_column_fold_says_what_is_folded_where_the_configuration_does_not(tmp_path: Path) -> None:
+    cases = marked(tmp_path, "yes", "no", "n/a")
+    assert folded(cases, None) == cases[:1], "as in BIDS, n/a says nothing"
+    assert folded(cases, "all") == cases and folded(cases, []) == []
+    assert folded(marked(tmp_path, "3T", "7T", column="scanner"), None) == []
+
+
+def test_a_case_without_an_age_is_told_and_not_folded(tmp_path: Path) -> None:
+    rows = (GOOD + "\tyes", GOOD.replace("007", "008").replace("27.5", "n/a") + "\tyes")
+    old, ageless = read_sheet(sheet(tmp_path, *rows, extra="\tfold"))
+    assert folded([old, ageless], "all") == [old] and folded([ageless, old], 2) == [old]
+    for which in (None, [ageless.name], {"column": "fold"}):
+        with pytest.raises(InputError, match="sub-008_ses-01_hemi-L: to be folded, but without an age"):
+            folded([old, ageless], which)
+    (notice,) = ageless_notice([old, ageless], smoothed=True, folded=True)
+    assert notice.startswith(f"1 without a gestational age, so not smoothed or folded: {ageless.name}")
+    assert ageless_notice([old], smoothed=True, folded=True) == []
+
+
+def test_the_demo_folds_one_case_and_another_sheet_none() -> None:
+    root = Path(__file__).parents[2]
+    which = load(root / "config.yaml").fold.cases
+    assert [case.name for case in folded(read_sheet(root / "demo/cohort.tsv"), which)] == ["sub-phantom22_hemi-L"]
+    assert folded(read_sheet(root / "demo/pairs.tsv"), which) == []
