@@ -321,7 +321,7 @@ def test_a_mesh_folds_from_the_age_it_was_made_at(made: cortet.Mesh, tmp_path: P
 def test_the_interface_is_listed_and_nothing_else_is_public() -> None:
     assert set(cortet.__all__) <= set(dir(cortet))
     from cortet import api, errors
-    from cortet.folding import calls
+    from cortet.api import folding as calls
 
     assert {name for name in cortet.__all__ if not hasattr(errors, name)} == {*api.__all__, *calls.__all__, "phantom"}
     with pytest.raises(AttributeError, match="no attribute 'meshing'"):
