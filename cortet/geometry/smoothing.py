@@ -1,12 +1,19 @@
-"""Filters of PyMeshLab that smooth a surface: positions change, triangles stay."""
+"""Filters of PyMeshLab that smooth a surface: positions change, triangles stay.
+
+PyMeshLab loads when it is used: most surfaces are smooth enough.
+"""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import pymeshlab
 from numpy.typing import NDArray
 
 from cortet.meshes import FloatArray, TriSurface
+
+if TYPE_CHECKING:
+    import pymeshlab
 
 #: angle (degrees) of the surface-preserving Laplacian, as published; above about 20 it makes no difference
 _ANGLE = 60.0
@@ -28,6 +35,8 @@ def surface_preserving(surface: TriSurface, *, iterations: int) -> FloatArray:
 
 def laplacian(surface: TriSurface, chosen: NDArray[np.bool_]) -> FloatArray:
     """Vertices (n, 3), mm, after one Laplacian step of the `chosen` ones, (n,)."""
+    import pymeshlab
+
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(surface.points, surface.faces, v_scalar_array=chosen.astype(float)))
     meshes.compute_selection_by_condition_per_vertex(condselect="(q > 0.5)")
@@ -35,17 +44,9 @@ def laplacian(surface: TriSurface, chosen: NDArray[np.bool_]) -> FloatArray:
     return np.asarray(meshes.current_mesh().vertex_matrix())
 
 
-def curvatures(surface: TriSurface) -> tuple[FloatArray, FloatArray]:
-    """Discrete mean (1/mm) and Gaussian (1/mm2) curvature at each vertex, (n,) (Meyer et al. 2003)."""
-    meshes = _loaded(surface)
-    found = []
-    for kind in ("Mean Curvature", "Gaussian Curvature"):
-        meshes.compute_scalar_by_discrete_curvature_per_vertex(curvaturetype=kind)
-        found.append(np.array(meshes.current_mesh().vertex_scalar_array()))
-    return found[0], found[1]
-
-
 def _loaded(surface: TriSurface) -> pymeshlab.MeshSet:
+    import pymeshlab
+
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(surface.points, surface.faces))
     return meshes

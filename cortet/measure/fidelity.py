@@ -45,7 +45,6 @@ class Fidelity:
     #: of the surface even for a perfect mesh
     nodes_to_nearest_vertex_mm: Distances
     volume_ml: float
-    surface_volume_ml: float
     relative_volume_change: float
     area_mm2: float
     surface_area_mm2: float
@@ -68,7 +67,6 @@ def fidelity(mesh: TetMesh, surface: TriSurface) -> Fidelity:
         surface_to_boundary_mm=summary(distances_to(boundary, surface)),
         nodes_to_nearest_vertex_mm=summary(KDTree(surface.points).query(boundary.points)[0]),
         volume_ml=volume,
-        surface_volume_ml=surface_volume,
         relative_volume_change=volume / surface_volume - 1,
         area_mm2=area,
         surface_area_mm2=surface_area,

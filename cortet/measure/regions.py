@@ -52,8 +52,7 @@ class RegionRecord:
     number: int
     tetrahedra: int
     volume_ml: float
-    #: volume between the surfaces that bound the region
-    surfaces_volume_ml: float
+    #: against the volume between the surfaces that bound the region
     relative_volume_change: float
     q_mean: float
     q_max: float
@@ -122,7 +121,6 @@ def region_records(mesh: TetMesh, surface: TriSurface) -> tuple[RegionRecord, ..
                 number=number + 1,
                 tetrahedra=int(mine.sum()),
                 volume_ml=volume,
-                surfaces_volume_ml=given,
                 relative_volume_change=volume / given - 1,
                 q_mean=float(q[mine].mean()) if mine.any() else 0.0,
                 q_max=float(q[mine].max(initial=0)),

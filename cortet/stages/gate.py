@@ -15,6 +15,7 @@ from cortet.formats.placement import UNITS
 from cortet.geometry.defects import flat_faces
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.orientation import outward
+from cortet.geometry.smoothing import laplacian
 from cortet.geometry.topology import SurfaceTopology, compact, enclosed_volume, face_areas, surface_topology
 from cortet.geometry.uncrossing import moved_apart
 from cortet.meshes import FloatArray, IntArray, TriSurface, single_precision
@@ -178,7 +179,6 @@ def _uncross(surface: TriSurface, source: Any) -> tuple[TriSurface, int]:
     crossing = self_intersections(surface)
     if not len(crossing):
         return surface, 0
-    from cortet.geometry.smoothing import laplacian  # loads PyMeshLab, which most surfaces do without
 
     where = surface.points[surface.faces[crossing[0]]].mean(axis=0).round(2).tolist()
     found = f"{len(crossing)} of {len(surface.faces)} triangles cross others, the first is {crossing[0]} at {where} mm"

@@ -32,7 +32,6 @@ class GenerateReport:
     cell_size_mm: float
     #: None if the boundary was given
     facet_distance_mm: float | None
-    facet_distance_fraction: float | None
     #: None if CGAL made the boundary
     edge_length_mm: float | None
     #: likewise
@@ -110,7 +109,6 @@ def generate(
         seed=seed,
         cell_size_mm=cell_size,
         facet_distance_mm=final.facet_distance_mm,
-        facet_distance_fraction=None if final.facet_distance_mm is None else final.facet_distance_mm / cell_size,
         edge_length_mm=final.edge_length_mm,
         refinement=final.refinement,
         passes=filled.passes,

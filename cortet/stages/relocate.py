@@ -33,7 +33,6 @@ logger = logging.getLogger(__name__)
 class RelocateReport:
     """What moved, and the result."""
 
-    gmsh_version: str
     passes: int
     boundary: str
     nodes_moved: int
@@ -61,8 +60,6 @@ def relocate(mesh: TetMesh, settings: Relocate = Relocate()) -> tuple[TetMesh, R
     StageError
         Gmsh failed, or returned a different mesh
     """
-    import gmsh
-
     fixed = np.array([], np.int32) if settings.boundary == "free" else boundary_nodes(mesh)
     points = _relocated(mesh, settings.passes, fixed)
     points, share = back_off(mesh.points, points, mesh.cells)
@@ -75,7 +72,6 @@ def relocate(mesh: TetMesh, settings: Relocate = Relocate()) -> tuple[TetMesh, R
         raise StageError(f"Gmsh moved fixed boundary nodes, by up to {on_boundary.max():g} mm")
     before, after = quality(mesh.points, mesh.cells), quality(points, mesh.cells)
     return replace(mesh, points=points), RelocateReport(
-        gmsh_version=gmsh.GMSH_API_VERSION,
         passes=settings.passes,
         boundary=settings.boundary,
         nodes_moved=int((displacement > 0).sum()),

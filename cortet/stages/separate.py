@@ -51,8 +51,6 @@ class Separated:
     #: mean over all vertices
     moved_mean_mm: float
     moved_max_mm: float
-    #: location of that vertex
-    moved_most_at_mm: tuple[float, float, float]
     #: smallest distance of a vertex from the surface around it, afterwards
     gap_least_mm: float
     #: volume enclosed by this surface, before and after
@@ -180,8 +178,6 @@ def _moved_inside(surface: TriSurface, container: TriSurface, *, name: str, gap:
         )
     after, _, _ = depths(tree, container, points)
     distance = np.linalg.norm(points - surface.points, axis=1)
-    far = int(distance.argmax())
-    x, y, z = surface.points[far].tolist()
     before, volume = (enclosed_volume(p, surface.faces) / 1000 for p in (surface.points, points))
     whole = enclosed_volume(container.points, container.faces) / 1000
     report = Separated(
@@ -193,7 +189,6 @@ def _moved_inside(surface: TriSurface, container: TriSurface, *, name: str, gap:
         vertices_moved=int((distance > 0).sum()),
         moved_mean_mm=float(distance.mean()),
         moved_max_mm=float(distance.max()),
-        moved_most_at_mm=(x, y, z),
         gap_least_mm=float(after.min()),
         volume_before_ml=before,
         volume_ml=volume,

@@ -21,6 +21,7 @@ from cortet.errors import StageError
 from cortet.formats import child, gifti
 from cortet.geometry.closest_point import SurfaceTree, closest_points, tree_of
 from cortet.geometry.nesting import joined, sheets
+from cortet.geometry.smoothing import surface_preserving
 from cortet.geometry.topology import edges, sheet
 from cortet.measure.fidelity import Distances, boundary_roughness, summary
 from cortet.measure.quality import quality, signed_volumes
@@ -130,8 +131,6 @@ def smooth_boundary(
 
 def _smoothed(boundary: TriSurface, method: BoundarySmoothing, iterations: int, tree: SurfaceTree | None) -> FloatArray:
     """Positions of the boundary's vertices after smoothing, (b, 3) mm; each iteration ends on the surface, if given."""
-    from cortet.geometry.smoothing import surface_preserving
-
     smooth = {"laplacian": surface_preserving, "workbench": _workbench}[method]
     if not len(boundary.points):  # an interface that this part of a mesh does not contain
         return boundary.points

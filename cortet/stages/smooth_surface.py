@@ -19,7 +19,7 @@ from cortet.errors import InputError
 from cortet.geometry import topology
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.intersection import self_intersections
-from cortet.geometry.smoothing import curvatures, surface_preserving, taubin
+from cortet.geometry.smoothing import surface_preserving, taubin
 from cortet.measure.fidelity import high_frequency_roughness
 from cortet.meshes import FloatArray, TriSurface, single_precision
 
@@ -42,14 +42,6 @@ logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Spread:
-    """Mean and standard deviation over the vertices."""
-
-    mean: float
-    sd: float
-
-
-@dataclass(frozen=True)
 class Candidate:
     """The surface after a number of iterations; 0 is the input."""
 
@@ -66,9 +58,6 @@ class Candidate:
     high_frequency_roughness: float
     #: mean distance of a vertex from the mean of its neighbours
     roughness_mm: float
-    mean_curvature_per_mm: Spread
-    gaussian_curvature_per_mm2: Spread
-    self_intersecting_faces: int
     #: limits that it breaks, in words; none if it may be chosen
     breaks: tuple[str, ...]
 
@@ -192,7 +181,6 @@ def _candidate(before: TriSurface, after: TriSurface, iterations: int, limits: S
     if crossing:
         breaks.append(f"{crossing} triangles cross")
     offset = after.points - topology.neighbour_means(after.points, after.faces)
-    mean, gaussian = (Spread(float(values.mean()), float(values.std())) for values in curvatures(after))
     return Candidate(
         iterations=iterations,
         area_mm2=area,
@@ -202,9 +190,6 @@ def _candidate(before: TriSurface, after: TriSurface, iterations: int, limits: S
         displacement_mm=displacement,
         high_frequency_roughness=high_frequency_roughness(after.points, after.faces),
         roughness_mm=float(np.linalg.norm(offset, axis=1).mean()),
-        mean_curvature_per_mm=mean,
-        gaussian_curvature_per_mm2=gaussian,
-        self_intersecting_faces=crossing,
         breaks=tuple(breaks),
     )
 

@@ -29,7 +29,6 @@ class SolverReadyReport:
     #: faces in exactly one tetrahedron; `topology.boundary_faces` gives them outward
     boundary_faces: int
     volume_mm3: float
-    enclosed_volume_mm3: float
 
 
 def solver_ready(
@@ -84,5 +83,4 @@ def surface_nodes_first(mesh: TetMesh) -> tuple[TetMesh, SolverReadyReport]:
         tetrahedra=len(ready.cells),
         boundary_faces=len(boundary_faces(ready)),
         volume_mm3=float(volumes.sum()),
-        enclosed_volume_mm3=enclosed,
     )

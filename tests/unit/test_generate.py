@@ -69,7 +69,7 @@ def test_a_ball_is_filled_with_good_tetrahedra(backend):
     assert q.mean() < 0.2 and q.max() < 0.85
     assert report.topology_ok and report.reason == "" and report.passes == PASSES
     assert (report.nodes, report.tetrahedra, report.backend) == (len(mesh.points), len(mesh.cells), backend)
-    assert report.facet_distance_fraction == 0.5 and report.seed == 0
+    assert report.facet_distance_mm == 0.5 * report.cell_size_mm and report.seed == 0
 
 
 @each_backend
@@ -244,7 +244,7 @@ def test_the_narrow_sulci_of_a_real_brain_are_kept_open():
         TriSurface(points, faces), Generate(backend="cgal", **REFINEMENT_ONLY), cell_size=1.0, mesher="cgal"
     )
     assert report.attempts[0].boundary.nonmanifold_edges > 0
-    assert report.topology_ok and report.facet_distance_fraction == pytest.approx(0.2)
+    assert report.topology_ok and report.facet_distance_mm == pytest.approx(0.2 * report.cell_size_mm)
 
 
 def test_the_topology_asked_for_is_that_of_the_surface():

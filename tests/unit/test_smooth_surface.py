@@ -72,9 +72,6 @@ def test_most_roughness_within_the_limits_is_removed() -> None:
     assert -0.06 < after.area_change < 0
     assert 0 < after.displacement_mm == mean_nearest_vertex_distance(surface.points, smooth.points) < 0.25
     assert beyond.breaks == (f"vertices are displaced by {beyond.displacement_mm:.3f} mm",)
-    assert after.mean_curvature_per_mm.mean == pytest.approx(1 / 20, rel=0.02)
-    assert after.gaussian_curvature_per_mm2.mean == pytest.approx(1 / 400, rel=0.03)
-    assert after.mean_curvature_per_mm.sd < 0.1 * before.mean_curvature_per_mm.sd
     assert np.array_equal(smooth.faces, surface.faces)
     assert np.array_equal(single_precision(smooth).points, smooth.points)
 
@@ -106,8 +103,8 @@ def test_a_candidate_that_crosses_itself_is_not_chosen() -> None:
         nested, PUBLISHED.model_copy(update={"max_area_change": 1.0, "max_displacement": 0.28}), gestational_age=30.0
     )
     crossing = report.candidates[1]
-    assert crossing.self_intersecting_faces > 100
-    assert crossing.breaks == (f"{crossing.self_intersecting_faces} triangles cross",)
+    (reason,) = crossing.breaks
+    assert int(reason.removesuffix(" triangles cross")) > 100
     assert report.chosen_iterations == 0
     assert np.array_equal(smooth.points, nested.points)
 

@@ -30,7 +30,7 @@ def test_it_is_the_same_mesh_with_the_same_fields():
     assert np.array_equal(ready.points[ready.cells], mesh.points[mesh.cells])
     assert np.array_equal(ready.point_data["x"], ready.points[:, 0]) and ready.cell_data == mesh.cell_data
     assert (report.nodes, report.tetrahedra, report.boundary_faces) == (64, 162, 108)
-    assert report.volume_mm3 == pytest.approx(8) == report.enclosed_volume_mm3
+    assert report.volume_mm3 == pytest.approx(8)
 
 
 def test_a_second_run_changes_nothing():
