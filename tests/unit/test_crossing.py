@@ -13,7 +13,6 @@ from cortet.geometry import topology
 from cortet.geometry.banks import banks as smallest
 from cortet.geometry.limits import LEAST_BANK_GAP
 from cortet.meshes import IntArray, TetMesh, TriSurface
-from cortet.optimise import crossing
 from cortet.optimise.crossing import Flaws, crossing_faces, flaws_since, without_crossing
 from cortet.stages import smooth_boundary as smoothing_stage
 from cortet.stages import snap as snap_stage
@@ -148,7 +147,7 @@ def test_cleaning_in_between_leaves_what_a_stage_holds(
         held_in_clean.append(held)
         return start, None
 
-    monkeypatch.setattr(crossing, "without_crossing", one_call)
+    monkeypatch.setattr(stage, "without_crossing", one_call)
     monkeypatch.setattr(stage, "clean", remember)
     swollen = replace(mesh, points=mesh.points * 1.02)
     if stage is snap_stage:

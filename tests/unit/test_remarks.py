@@ -47,7 +47,7 @@ def test_a_gap_that_would_make_triangles_cross_is_halved_and_told(monkeypatch: p
 
     from cortet.geometry.separation import kept_apart
 
-    monkeypatch.setattr("cortet.geometry.separation.kept_apart", stubborn)
+    monkeypatch.setattr(stage, "kept_apart", stubborn)
     assert told(inner=13.7)[-1].startswith("white keeps 0.5 mm from the surface around it instead of 1 mm")
     assert tried == [1.0, 0.5]
     monkeypatch.setattr(stage, "_SHARES", (1.0,))
