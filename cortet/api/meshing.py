@@ -290,7 +290,7 @@ class Mesh:
         format_of(path)
         if not self.certified and not force:
             raise InputError(
-                f"is not written, as the mesh is not certified: {'; '.join(self.certificate.reasons)}",
+                f"was not written because the mesh is not certified: {'; '.join(self.certificate.reasons)}",
                 file=path,
                 remedy="give force=True to write it anyway",
             )

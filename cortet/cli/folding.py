@@ -256,8 +256,8 @@ def growth(
             save(maps_figure(replace(young, point_data=shown)), place(picture))
     low, middle, high = (found.percentiles[key] for key in ("5", "50", "95"))
     print(f"from {start:g} to {end:g} weeks the area grows by {found.area_ratio:.3f}, the volume by ", end="")
-    print(f"{found.volume_ratio:.3f}; a spot by {middle:.2f}, of nine in ten by {low:.2f} to {high:.2f}")
+    print(f"{found.volume_ratio:.3f}; the median vertex by {middle:.2f}, 90 % of them by {low:.2f} to {high:.2f}")
     print(f"smoothed along the surface over {found.width_mm:.1f} mm (full width at half maximum)")
-    print(f"{output}: written, with {metrics.name} and {record.name}; a mesh takes it with ", end="")
+    print(f"{output}: written, with {metrics.name} and {record.name}; pass it to cortet mesh by ", end="")
     print(f"--field {growth_field(end)}={output}")
     return 0

@@ -26,7 +26,7 @@ def read_mesh(path: Path, *, whole: bool = False) -> TetMesh:
 
     if whole and (holes := (read_sidecar(path).get("made_from") or {}).get("holes")):
         raise InputError(
-            f"is without the tetrahedra inside {', '.join(holes)}, and this takes a whole mesh",
+            f"lacks the tetrahedra inside {', '.join(holes)}, and this command needs the whole mesh",
             file=path,
             remedy="mesh again without holes",
         )

@@ -125,7 +125,7 @@ def filled_surface(mesh: Path, given: Path | None, inner: Sequence[tuple[str, st
 
     surface, source = meshed_surface(mesh, given, {name: Path(file) for name, file in inner})
     if source != given:
-        print(f"{source}: the surface that was meshed, by the sidecar of {mesh.name}")
+        print(f"{source}: the surface that was meshed, according to the sidecar of {mesh.name}")
     return surface, source
 
 
@@ -279,10 +279,10 @@ def quadratic(
     told = write_ten_nodes(mesh, curved, output)
     straight = curved.straightened_for_elements + curved.straightened_for_crossings
     print(
-        f"{curved.curved} edges follow the surface, their middles moved by up to {curved.largest_move_mm:.3f} mm; "
-        f"{straight} were left straight"
+        f"{curved.curved} edges follow the surface (midside nodes moved by up to {curved.largest_move_mm:.3f} mm); "
+        f"{straight} stay straight"
     )
-    print(f"least Jacobian determinant, of that of the straight element: {curved.least_jacobian:.3f}")
+    print(f"smallest Jacobian determinant, relative to the straight element: {curved.least_jacobian:.3f}")
     for what in told:
         print(f"{output}: {what}")
     print(f"{output}: written")
@@ -325,7 +325,7 @@ def picture(
     """
     if field is None:
         if name is not None:
-            raise UsageError("--name is of an array of a field", remedy="add --field FILE")
+            raise UsageError("--name selects an array of a field", remedy="add --field FILE")
         draw(read_mesh(file), output, axis=plane, position=position, view=view, regions=region)
         return 0
     if region is not None or view is not None or (plane, position) != ("y", 0.5):
@@ -453,7 +453,7 @@ def _millimetres(depth: Below, found: SurfaceMap, thickness: float | None, mesh:
     elif (field := found.mesh.point_data.get("thickness")) is not None and field.ndim == 1:
         across = found.on_surface(field)
     else:
-        raise InputError("has no field thickness, of which the depth is a part", file=mesh, remedy="add --thickness MM")
+        raise InputError("has no field thickness, which a relative depth needs", file=mesh, remedy="add --thickness MM")
     return depth.first * across, depth.last * across
 
 

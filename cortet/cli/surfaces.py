@@ -153,7 +153,7 @@ def repair(
         print("nothing to repair")
     else:
         there, back = report.file_to_surface_mm, report.surface_to_file_mm
-        print(f"{there.max:.3f} mm from the file to the surface at most, {back.max:.3f} mm back")
+        print(f"largest distance from the file to the repaired surface {there.max:.3f} mm, and back {back.max:.3f} mm")
         print(f"volume {report.volume_ml:.2f} mL ({report.relative_volume_change:+.3%})")
     if picture:
         print(f"{picture}: drawn")
@@ -376,7 +376,7 @@ def labels(
     beside = (file for file in output.parent.iterdir() if file.name.startswith(name) and file.name.endswith(ending))
     earlier = sorted(file.name for file in beside if file.name.removeprefix(name).removesuffix(ending).isdigit())
     if others := [file for file in earlier if file not in {path.name for path in files.values()}]:
-        print(f"{', '.join(others)}: not of this run, left as they are")
+        print(f"{', '.join(others)}: from an earlier run, left unchanged")
     return 0
 
 

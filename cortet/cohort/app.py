@@ -96,7 +96,11 @@ class Selection:
             and (self.hemi is None or case.hemi == self.hemi)
         ]
         if not found:
-            raise InputError("no surface is selected", file=dataset, remedy="ask for fewer conditions at once")
+            raise InputError(
+                "no surface is selected",
+                file=dataset,
+                remedy="select by fewer of --participant-label, --session-label and --hemi",
+            )
         return found
 
 

@@ -91,7 +91,7 @@ class Section(BaseModel):
         values = value if isinstance(value, (list, tuple)) else [value]
         field = cls.model_fields[str(info.field_name)]
         if any(isinstance(one, bool) for one in values) and not _takes_bool(field.annotation):
-            raise ValueError("yes and no (True and False) mean nothing here")
+            raise ValueError("true and false are not accepted here")
         return value
 
     def with_keys(self, **keys: Any) -> Self:

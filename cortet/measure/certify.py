@@ -188,7 +188,7 @@ def certify(
         require_measurable(one)
     if cell_size is not None and (length := float(np.ptp(surface.points, axis=0).max())) < cell_size:
         what = f"the surface is {length:.3g} mm long, less than one cell of {cell_size:g} mm"
-        raise InputError(what, remedy="coordinates must be mm; if these are metres: multiply by 1000")
+        raise InputError(what, remedy="give coordinates in mm; if they are metres, multiply by 1000")
     if surface.inner:
         require_known_regions(mesh, surface)
     reports = dict(reports or {})

@@ -69,7 +69,7 @@ def _attempt(
     began = time.perf_counter()
     mesh, flat = well_ordered(*_cgal.fill(off, backend=backend, criteria=criteria, passes=passes, seed=seed))
     if flat:
-        logger.warning("%d exactly flat tetrahedra left out", flat)
+        logger.warning("dropped %d exactly flat tetrahedra", flat)
     what = f"{backend}, facet distance {criteria.facet_distance:g} mm, {', '.join(('refinement', *passes))}"
     attempt = checked(mesh, surface, facet_distance=criteria.facet_distance, passes=passes, flat=flat)
     log_attempt(what, attempt, time.perf_counter() - began)

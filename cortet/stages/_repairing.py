@@ -113,7 +113,7 @@ class BrokenSurface:
         for step in (self._unknown_places, self._coinciding, self._duplicates, *how):
             step()
             if not len(self.work.faces):
-                raise InputError("no triangle is left", remedy="export the surface again")
+                raise InputError("repair would remove every triangle", remedy="export the surface again")
 
     def result(self) -> TriSurface:
         """The repaired surface with its fields, if it is one closed manifold and within the limits."""
@@ -121,15 +121,15 @@ class BrokenSurface:
         made = single_precision(TriSurface(work.points, work.faces))
         topology = surface_topology(made.faces)
         problems = topology.problems(genus=int(topology.genus))
-        problems += [f"{count} triangles that cross others" for count in [len(self_intersections(made))] if count]
+        problems += [f"{count} self-intersecting triangles" for count in [len(self_intersections(made))] if count]
         problems += [f"{count} triangles without area" for count in [len(flat_faces(made.points, made.faces))] if count]
         if problems:
-            raise InputError(f"repair leaves {'; '.join(problems)}")
+            raise InputError(f"after repair the surface still has {'; '.join(problems)}")
         volume = enclosed_volume(made.points, made.faces)
         change = volume / self.volume_before - 1 if self.volume_before else np.inf
         if abs(change) > self.limits.max_volume_change:
             raise InputError(
-                f"repair would change the volume by {change:+.1%}, where {self.limits.max_volume_change:.1%} are "
+                f"repair would change the volume by {change:+.1%}; at most {self.limits.max_volume_change:.1%} is "
                 f"allowed ({self.done()})",
                 remedy="edit the surface, or set repair.max_volume_change",
             )
@@ -201,13 +201,13 @@ class BrokenSurface:
             where = in_mm(np.array([self._middle(piece == number) for number in large[:2]]))
             if walls := self._inside_the_first(piece, large):
                 raise InputError(
-                    f"{walls} of {len(large)} separate pieces lie inside the largest, as walls of a ventricle or of "
-                    f"another cavity do; they have {shares} of the area, around {where}",
-                    remedy="give the outer surface alone, and the others as surfaces of regions (--inner NAME=FILE)",
+                    f"{walls} of {len(large)} separate pieces lie inside the largest, like the walls of a ventricle; "
+                    f"the pieces have {shares} of the area, around {where}",
+                    remedy="give the outer surface alone, and the others as inner surfaces (--inner NAME=FILE)",
                 )
             raise InputError(
-                f"{len(large)} separate pieces with {shares} of the area, around {where}: which one is meant is not "
-                "known",
+                f"the surface has {len(large)} separate pieces with {shares} of the area, around {where}; cortet "
+                "cannot tell which one to mesh",
                 remedy=f"keep one of them, or set repair.max_piece (now {self.limits.max_piece:g})",
             )
         if len(area) > 1:
@@ -245,7 +245,7 @@ class BrokenSurface:
                 where, rounded = in_mm(self.work.points[rim].mean(axis=0)), math.ceil(10 * length) / 10
                 most = self.limits.max_hole
                 raise InputError(
-                    f"a hole with a rim of {rounded:g} mm around {where}, where up to {most:g} mm are filled",
+                    f"a hole around {where} has a rim of {rounded:g} mm; cortet fills holes of up to {most:g} mm",
                     remedy="close the surface there, or set repair.max_hole",
                 )
         # the file had no hole where the steps above removed faces
@@ -292,8 +292,8 @@ class BrokenSurface:
         self.displacement = found.displacement
         if self.displacement > limits.max_displacement:
             raise InputError(
-                f"repair of {len(found.centres)} crossing triangles would move the surface by "
-                f"{found.displacement:.2f} mm at {in_mm(found.place)}, where {limits.max_displacement:g} mm are "
+                f"repairing {len(found.centres)} self-intersecting triangles would move the surface by "
+                f"{found.displacement:.2f} mm at {in_mm(found.place)}; at most {limits.max_displacement:g} mm is "
                 "allowed",
                 remedy="edit the surface there, or set repair.max_displacement",
             )

@@ -120,7 +120,7 @@ def _check_coordinates(points: FloatArray) -> None:
     largest = float(np.abs(points).max(initial=0))
     if not largest <= LARGEST_COORDINATE:
         raise InputError(
-            f"a coordinate is {largest:g}, where at most {LARGEST_COORDINATE:g} is accepted in any unit",
+            f"a coordinate is {largest:g}; the largest accepted value, in any unit, is {LARGEST_COORDINATE:g}",
             remedy="export the surface again: the file is damaged",
         )
 
@@ -147,7 +147,7 @@ def _check_topology(surface: TriSurface, found: SurfaceTopology, allow_genus: in
     if found.genus > allow_genus:
         raise InputError(
             f"genus {found.genus:g} (Euler number {found.euler_number}), at most {allow_genus} is accepted",
-            remedy="correct the topology of the segmentation, or set gate.allow_genus if the handles are meant",
+            remedy="correct the topology of the segmentation, or set gate.allow_genus if the handles are real",
         )
 
 
@@ -165,8 +165,8 @@ def require_size(extents: Sequence[float], volume: float, *, option: str = "gate
     units = [unit for unit, factor in UNITS.items() if EXTENT_MM[0] <= extent * factor <= EXTENT_MM[1]]
     named = f"if the coordinates are in {' or '.join(units)}, say so with {option}"
     raise InputError(
-        f"{extent:.4g} mm long and {volume:.4g} mL, where a brain or hemisphere has {usual}",
-        remedy=named if units else "coordinates must be mm; of voxel indices give the image as gate.affine",
+        f"the surface is {extent:.4g} mm long and encloses {volume:.4g} mL; a brain or hemisphere has {usual}",
+        remedy=named if units else "give coordinates in mm; if they are voxel indices, name the image in gate.affine",
     )
 
 

@@ -133,7 +133,7 @@ def _require_meshable(surface: TriSurface, mesher: Mesher, settings: Generate) -
     ):
         if asked and not getattr(mesher, able):
             others = " or ".join(name for name, other in MESHERS.items() if getattr(other, able))
-            raise InputError(f"the mesher {mesher.name} knows no {what}", remedy=f"use the mesher {others}")
+            raise InputError(f"the mesher {mesher.name} does not support {what}", remedy=f"use the mesher {others}")
 
 
 def _turned(surface: TriSurface, turn: FloatArray) -> TriSurface:

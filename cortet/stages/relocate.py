@@ -127,7 +127,7 @@ def _relocated(mesh: TetMesh, passes: int, fixed: IntArray) -> FloatArray:
     # Gmsh renumbers nodes while it optimises. Element tags and the order of corners stay, so the corners of the
     # elements show which node became which; all elements must agree.
     if not np.array_equal(np.sort(element_tags), tags):
-        raise StageError(f"Gmsh returned {len(element_tags)} other tetrahedra than the {len(tags)} it was given")
+        raise StageError(f"Gmsh returned {len(element_tags)} tetrahedra that differ from the {len(tags)} it was given")
     corners = element_nodes.reshape(-1, 4)[np.argsort(element_tags)].astype(np.int64)
     tag_of_node = np.zeros(len(mesh.points), np.int64)
     tag_of_node[mesh.cells] = corners

@@ -114,7 +114,7 @@ def common_sphere(settings: Resample) -> TriSurface:
     sphere = read_surface(settings.template)
     if flaws := spheres.flaws(sphere):
         raise InputError(
-            f"is not a sphere: {'; '.join(flaws)}", file=settings.template, remedy="mend resample.template"
+            f"is not a sphere: {'; '.join(flaws)}", file=settings.template, remedy="correct resample.template"
         )
     return sphere
 
@@ -123,10 +123,10 @@ def _check(surface: TriSurface, sphere: TriSurface, file: Any) -> None:
     without = "or leave the column sphere of the cohort sheet empty"
     if not spheres.same_triangles(sphere, surface):
         raise InputError(
-            f"its {len(sphere.points)} vertices and {len(sphere.faces)} triangles are not those of the surface, which "
-            f"has {len(surface.points)} and {len(surface.faces)}",
+            f"the sphere has {len(sphere.points)} vertices and {len(sphere.faces)} triangles, the surface "
+            f"{len(surface.points)} and {len(surface.faces)}; or the triangles differ",
             file=file,
-            remedy=f"give the sphere of this very surface, {without}",
+            remedy=f"give the sphere of this surface, {without}",
         )
     if flaws := spheres.flaws(sphere):
         raise InputError(
@@ -134,7 +134,7 @@ def _check(surface: TriSurface, sphere: TriSurface, file: Any) -> None:
         )
     if not np.isfinite(surface.points).all():
         raise InputError(
-            "coordinates of the surface are not finite, so that it cannot be resampled", file=file, remedy=without[3:]
+            "a surface with coordinates that are not finite cannot be resampled", file=file, remedy=without[3:]
         )
 
 

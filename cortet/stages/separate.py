@@ -129,7 +129,7 @@ def _check_volumes(surface: TriSurface) -> None:
         if volume > outer:
             raise InputError(
                 f"the inner surface {name} encloses {volume / 1000:.1f} mL, the outer one {outer / 1000:.1f} mL",
-                remedy="exchange them: the outer surface (pial) comes first",
+                remedy="swap them: the outer (pial) surface comes first",
             )
 
 
@@ -138,10 +138,10 @@ def _require_inside(surface: TriSurface, container: TriSurface, *, name: str, ma
     worst = int(depth.argmin())
     if depth[worst] < -max_outside:
         raise InputError(
-            f"the inner surface {name} lies up to {-depth[worst]:.2f} mm outside the one around it, at "
+            f"the inner surface {name} lies up to {-depth[worst]:.2f} mm outside the surface around it, at "
             f"{place_mm(surface.points[worst])}, {(depth < -max_outside).mean():.1%} of its vertices by more than "
             f"{max_outside:g} mm",
-            remedy="check that both are of one subject, in one space; where that is right, set regions.max_outside",
+            remedy="check that both surfaces belong to one subject and one space; if they do, set regions.max_outside",
         )
 
 
@@ -153,7 +153,8 @@ def _require_another(surface: TriSurface, container: TriSurface, name: str, *, n
     )
     if share > most:
         raise InputError(
-            f"{share:.0%} of the inner surface {name} lies on the one around it, or outside: nothing is between them",
+            f"{share:.0%} of the inner surface {name} lies on or outside the surface around it, so there is no tissue "
+            "between them",
             remedy="give two surfaces, such as the pial and the white one, in this order",
         )
 
@@ -172,7 +173,7 @@ def _moved_inside(surface: TriSurface, container: TriSurface, *, name: str, gap:
         both = joined([moved, container])
         first = both.points[both.faces[remaining[0]]].mean(axis=0)
         raise InputError(
-            f"the inner surface {name} cannot be moved {gap:g} mm away from the one around it: {len(remaining)} "
+            f"the inner surface {name} cannot be moved {gap:g} mm away from the surface around it: {len(remaining)} "
             f"triangles still cross, the first at {place_mm(first)}",
             remedy="edit the surfaces there, or choose a smaller regions.min_gap",
         )

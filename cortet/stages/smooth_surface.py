@@ -106,7 +106,7 @@ def smooth_surface(
         if candidate.breaks:
             logger.info("%d iterations are too many: %s", candidate.iterations, "; ".join(candidate.breaks))
     if not offered:
-        logger.warning("no candidate is within the limits: the surface is not smoothed")
+        logger.warning("every candidate exceeds a limit, so the surface is not smoothed")
     if settings.method == "taubin" and chosen.high_frequency_roughness > settings.max_roughness:
         # no warning: a surface whose triangles are too large for its folds is just as rough, and rightly left alone
         logger.info(

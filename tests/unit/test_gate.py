@@ -158,7 +158,7 @@ def scaled(factor: float) -> TriSurface:
         (scaled(1 / 1000), "0.04 mm long .* in m, .*gate.unit"),
         (scaled(1000), "e.04 mm long .* in um, .*gate.unit"),
         (scaled(1 / 10), "4 mm long .* in cm, .*gate.unit"),
-        (scaled(6), "240 mm long and 7.* mL.*voxel"),
+        (scaled(6), "240 mm long.*voxel"),
         (dented(60), r"triangles cross others, the first is \d+ at \[.*\] mm"),
     ],
 )

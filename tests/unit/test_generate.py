@@ -194,7 +194,7 @@ def test_a_field_of_sizes_makes_cells_smaller_there():
         ),
         ({"size": np.r_[np.nan, np.ones(161)]}, {}, "first nan at vertex 0"),
         ({"size": np.ones((162, 3))}, {}, "give one size in mm per vertex"),
-        ({"size": np.ones(162)}, {"mesher": "cgal"}, "mesher cgal knows no generate.size_field"),
+        ({"size": np.ones(162)}, {"mesher": "cgal"}, "mesher cgal does not support generate.size_field"),
     ],
 )
 def test_fields_that_are_no_sizes_are_refused(fields, arguments, words):

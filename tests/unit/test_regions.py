@@ -200,7 +200,7 @@ def test_apart_surfaces_stay_as_they_are(pair):
     ("outer", "inner", "words"),
     [
         (ball(10.0), ball(14.0), "encloses 11.5 mL, the outer one 4.2 mL"),
-        (ball(14.0), ball(11.0, (8, 0, 0)), "lies up to 5.00 mm outside the one around it, at \\(19.00, "),
+        (ball(14.0), ball(11.0, (8, 0, 0)), "lies up to 5.00 mm outside the surface around it, at \\(19.00, "),
     ],
     ids=["swapped", "shifted by 5 mm"],
 )
@@ -287,7 +287,7 @@ def test_a_real_pair_is_separated_at_the_medial_wall():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda pial, white: (white, pial), r"encloses 61.5 mL, the outer one 50.5 mL \(exchange them"),
+        (lambda pial, white: (white, pial), r"encloses 61.5 mL, the outer one 50.5 mL \(swap them"),
         (
             lambda pial, white: (pial, replace(white, points=white.points + np.array([5.0, 0, 0]))),
             r"lies up to \d\.\d\d mm outside .*, at \(.*% of its vertices by more than 0.5 mm.*in one space",
@@ -314,7 +314,7 @@ def test_pairs_of_two_subjects_are_refused_with_the_place():
     with pytest.raises(InputError, match="encloses"):
         separate(nested(pial, {"white": white}), cell_size=1.0)
     other = read_surface(PAIRS / "neonatal_dhcp_w30_rh_white.surf.gii")
-    with pytest.raises(InputError, match="outside the one around it, at .*check that both are of one subject"):
+    with pytest.raises(InputError, match="outside the surface around it, at .*check that both surfaces"):
         separate(nested(pial, {"white": other}), cell_size=1.0)
 
 

@@ -109,7 +109,7 @@ def test_the_work_on_a_fan_grows_with_the_number_of_splits(monkeypatch: pytest.M
 
 def test_remeshing_that_needs_far_too_many_points_is_given_up(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(_remesh, "MOST_POINTS", (1, 1))
-    with pytest.raises(StageError, match=r"given up at .* points, 1 times .* near \("):
+    with pytest.raises(StageError, match=r"stopped at .* points, 1 times .* near \("):
         remeshed(can(200), 4.0)
 
 

@@ -114,7 +114,7 @@ def test_the_command_refuses_them_before_any_stage(
 
 
 def test_other_meshers_and_cohorts_refuse_them() -> None:
-    with pytest.raises(InputError, match=r"mesher cgal knows no generate\.sizes"):
+    with pytest.raises(InputError, match=r"mesher cgal does not support generate\.sizes"):
         generate(ball_surface(3), Generate(sizes={"cortex": 0.5}), cell_size=1.0, mesher="cgal")
     with pytest.raises(InputError, match="is a volume, and all cases would have the same"):
         load({"generate": {"sizes": {"dseg.nii.gz:1": 0.5}}}).require_workflow()

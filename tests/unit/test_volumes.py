@@ -586,7 +586,7 @@ def test_pieces_of_an_earlier_run_are_told(
     assert main(["labels", "two.nii.gz:1", "-o", "v.surf.gii"]) == 0
     assert "not of this run" not in capsys.readouterr().out
     assert main(["labels", "one.nii.gz:1,2", "-o", "v.surf.gii"]) == 0
-    assert capsys.readouterr().out.endswith("v1.surf.gii, v2.surf.gii: not of this run, left as they are\n")
+    assert capsys.readouterr().out.endswith("v1.surf.gii, v2.surf.gii: from an earlier run, left unchanged\n")
 
 
 # --- a whole head -------------------------------------------------------------------------------------------------
