@@ -38,19 +38,19 @@ class Config(Section):
     """The whole configuration."""
 
     setting: Setting = "default"
-    """Named set of stage parameters: `default` (ours: lattice mesher, no Gmsh), `cgal` (the paper's mesher and Gmsh,
-    then ours) or `published` (the CORTET paper's). Keys below override it."""
+    """Preset of stage parameters: `default` (lattice mesher, no Gmsh), `cgal` (the paper's mesher and Gmsh, then our
+    stages) or `published` (all choices of the CORTET paper). Keys below override it."""
     output: Path = Path("derivatives/cortet")
-    """Folder of everything that is made (BIDS derivative)."""
+    """Output folder (BIDS derivative)."""
     keep_intermediates: bool = True
-    """false deletes the mesh of every stage but the last as soon as nothing needs it any more. That saves 40 % of the
-    disk, but a changed parameter of any stage runs the line from S1 on. `snakemake --delete-temp-output` deletes those
-    of earlier runs."""
+    """false deletes the mesh of every stage except the last once no later stage needs it. That saves 40 % of the disk,
+    but a changed parameter of any stage then reruns all stages from S1. `snakemake --delete-temp-output` deletes the
+    intermediate meshes of earlier runs."""
     write_carp: bool = False
-    """true also writes the mesh of S2 as CARP files (.pts, .elem, .lon; um), as the published chain does. For those of
-    the final mesh: `export.formats: [carp]`."""
+    """true also writes the mesh of S2 as CARP files (.pts, .elem, .lon; um), as the published chain does. For CARP
+    files of the final mesh, use `export.formats: [carp]`."""
     time_limit: Positive | None = 1440.0
-    """Minutes a job may take before it is ended and its case has failed; null: no limit."""
+    """Longest run time of a job, minutes. A job that takes longer is stopped and its case fails. null: no limit."""
     cohort: Cohort = Cohort()
     phantom: Phantom = Phantom()
     resample: Resample = Resample()

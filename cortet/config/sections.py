@@ -33,48 +33,48 @@ class Scan(Section):
         "{participant}/surf/{hemi}.white",
         "{participant}/T1w/Native/{participant}.{hemi}.white.native.surf.gii",
     ]
-    """Where surfaces lie below the release's folder; the first pattern that finds a case wins, but a surface in the
-    space of a template (_space-MNI...) comes last. They may be packed by gzip (.gz). {entities} are any of BIDS, such
-    as _ses-1_run-2_hemi-L_space-T1w. A pattern that begins with {participant}/ takes folders of any name, as
-    FreeSurfer's and HCP's, but sub-... and fsaverage."""
+    """Patterns of the surfaces, relative to the dataset. The first pattern that finds a case is used, but a surface in
+    the space of a template (_space-MNI...) comes last. Surfaces may be gzipped (.gz). {entities} matches any BIDS
+    entities, such as _ses-1_run-2_hemi-L_space-T1w. A pattern that begins with {participant}/ matches folders of any
+    name except sub-... and fsaverage, as FreeSurfer and HCP have them."""
     pial: bool = False
-    """true: a pial surface beside a white one becomes the surface, and the white one its inner surface."""
+    """true: where a white surface has a pial one next to it, the pial surface is meshed and the white one is inside."""
     fields: dict[str, list[str]] = {}
-    """Fields beside a surface, by name: what stands in their file names in the place of `white.surf.gii`, of
-    FreeSurfer's of `white`; the first that exists wins, e.g. {thickness: [thickness], parcel: [aparc.annot]}."""
+    """Fields next to a surface, by name: the ending that replaces `white.surf.gii` (for FreeSurfer `white`) in the file
+    name. The first file that exists is used, e.g. {thickness: [thickness], parcel: [aparc.annot]}."""
     spheres: list[str] = ["sphere.reg*.surf.gii", "desc-reg_sphere.surf.gii", "sphere.surf.gii", "sphere.reg"]
-    """Spheres beside a surface, through which it is resampled (section resample): what stands in their names in the
-    place of `white.surf.gii`, of FreeSurfer's of `white`; the first that exists wins. []: none."""
+    """Registered spheres next to a surface, used for resampling (section resample): the ending that replaces
+    `white.surf.gii` (for FreeSurfer `white`) in the file name. The first file that exists is used. []: none."""
     volumes: dict[str, list[str]] = {
         "tissue": [
             "sub-{participant}/ses-{session}/anat/sub-{participant}_ses-{session}_desc-drawem9_dseg.nii.gz",
             "sub-{participant}/anat/sub-{participant}_desc-drawem9_dseg.nii.gz",
         ]
     }
-    """Volumes whose labels or numbers tetrahedra get, by name: patterns below the folder, of which the first that
-    exists wins. {}: none."""
+    """Volumes whose labels or values are transferred to tetrahedra, by name: patterns relative to the dataset. The
+    first file that exists is used. {}: none."""
     sessions: str = "sub-{participant}/sub-{participant}_sessions.tsv"
-    """Table of a participant's sessions."""
+    """Table of the sessions of a participant."""
     participants: str = "participants.tsv"
-    """Table of all participants, used where the sessions table has no age."""
+    """Table of all participants, used if the sessions table has no age."""
     age_columns: list[str] = ["scan_age", "gestational_age", "ga", "age"]
-    """Columns that may hold the gestational age at scan; the first that exists is read, in the unit that the sidecar of
-    the table gives (Units), else in weeks. The column age of BIDS counts from birth, in years: it is read where its
-    sidecar says weeks, or where this key is set."""
+    """Columns that may hold the gestational age at scan. The first that exists is read, in the unit that the sidecar of
+    the table states (Units), else in weeks. In BIDS the column age is in years from birth, so it is read only if its
+    sidecar says weeks or if you set this key."""
 
 
 class Cohort(Section):
     """The surfaces to mesh."""
 
     sheet: Path = Path("demo/cohort.tsv")
-    """Cohort sheet (TSV); `cortet cohort scan` writes one. File names in it are relative to the sheet's folder.
-    The surface `phantom` stands for a synthetic cortex of the row's scan_age and hemi."""
+    """Cohort sheet (TSV), as `cortet cohort scan` writes it. File names are relative to the folder of the sheet. The
+    surface `phantom` is a synthetic cortex with the scan_age and hemi of the row."""
     dataset: Path | None = None
-    """Root of the dataset that the surfaces come from, `bids:raw:` in the sidecars. null: the folder of the sheet."""
+    """Root of the dataset of the surfaces (`bids:raw:` in sidecars). null: the folder of the sheet."""
     fields: dict[str, str] = {}
-    """Per-vertex fields (.shape/.func/.label.gii) of every case, name: file pattern. Placeholders are the columns of
-    the sheet, e.g. thickness: "../{participant_id}/{session_id}/thickness_hemi-{hemi}.shape.gii"; names are relative
-    to the sheet's folder. A sheet column `field_<name>` overrides the pattern for its row."""
+    """Per-vertex fields (.shape/.func/.label.gii) of every case, name: file pattern. Placeholders are columns of the
+    sheet, e.g. thickness: "../{participant_id}/{session_id}/thickness_hemi-{hemi}.shape.gii". Names are relative to the
+    folder of the sheet. A column `field_<name>` overrides the pattern for its row."""
     scan: Scan = Scan()
 
 
@@ -84,64 +84,64 @@ class Phantom(Section):
     subdivisions: Subdivisions = 5
     """Subdivisions of the icosahedron: 5 gives 10,242 vertices, 6 gives 40,962."""
     seed: NonNegativeInt = 0
-    """Seed of the individual variation of the sulci."""
+    """Seed of the random variation of the sulci."""
     thickness: Positive = 1.5
-    """Distance of the synthetic white surface (`phantom` in the column `inner`) below the cortex, mm; folds of 30 weeks
-    and more have no room for that."""
+    """Depth of the synthetic white surface (`phantom` in the column `inner`) below the cortical surface, mm. From 30
+    weeks on, the folds are too narrow for the default."""
 
 
 class Quality(Section):
-    """Quality records beside the meshes."""
+    """Quality records of the meshes."""
 
     choices: ClassVar[frozenset[str]] = Section.choices | {"stages"}
 
     stages: list[StageName] = ["generate", "relocate", "clean", "solver_ready"]
-    """Stages whose mesh is measured (those that are enabled)."""
+    """Stages whose mesh is measured, if they are enabled."""
 
 
 class Figures(Section):
     """Figures over all cases."""
 
     journal: Literal["cortet", "nature", "elsevier", "plos", "ieee"] = "cortet"
-    """Width of the page, font, size of letters: cortet (183 mm, DejaVu Sans, 7 pt), nature (183 mm, Arial, 7 pt),
-    elsevier (190 mm, Arial, 7 pt), plos (190.5 mm, Arial, 8 pt) or ieee (182 mm, Times, 8 pt). Where the font is not
-    installed, Liberation's of the same widths takes its place, else DejaVu Sans. Colours are those that colour-blind
-    readers tell apart."""
+    """Page width, font and font size: cortet (183 mm, DejaVu Sans, 7 pt), nature (183 mm, Arial, 7 pt), elsevier (190
+    mm, Arial, 7 pt), plos (190.5 mm, Arial, 8 pt) or ieee (182 mm, Times, 8 pt). If the font is not installed, the
+    Liberation font of the same metrics replaces it, or else DejaVu Sans. The colours are safe for colour-blind
+    readers."""
 
 
 class Export(Section):
     """Files for solvers."""
 
     formats: list[Solver] = ["vtu"]
-    """Formats to write: vtu (ParaView, meshio, PyVista), abaqus (.inp, CalculiX reads it too), febio (.feb), fenics
-    (.xdmf), braingrowth (.mesh), gmsh (.msh, version 2.2), nastran (.bdf), carp (.pts); and of the boundary stl and
+    """Formats to write: vtu (ParaView, meshio, PyVista), abaqus (.inp, also read by CalculiX), febio (.feb), fenics
+    (.xdmf), braingrowth (.mesh), gmsh (.msh, version 2.2), nastran (.bdf), carp (.pts); for the boundary alone stl and
     gifti (.surf.gii)."""
     ten_nodes: list[TenNodeSolver] = []
-    """Formats in which the mesh is also written with elements of ten nodes that follow the surface: abaqus (.inp),
-    febio (.feb), fenics (.xdmf), gmsh (.msh), vtu."""
+    """Formats in which the mesh is also written with ten-node elements that follow the surface: abaqus (.inp), febio
+    (.feb), fenics (.xdmf), gmsh (.msh), vtu."""
     uncertified: bool = False
     """true also exports meshes that are not certified."""
     carp_unit: Literal["mm", "um"] = "um"
     """Unit of the coordinates in CARP files: um for openCARP, mm for meshtool."""
     cortex_depth: Positive = 1.5
-    """Tetrahedra whose centroid is less than this below the cortical surface, mm, are cortex, the others core."""
+    """Thickness of the cortex, mm: tetrahedra whose centroid is less deep are cortex, the others core."""
     cortex_layer: bool | None = None
-    """Whether a mesh without inner surfaces has such a layer. null: unless the surface is a white one, which has the
-    cortex outside it. CalculiX, FEBio and FEniCS grow the layer."""
+    """Whether a mesh without inner surfaces has this layer of cortex. null: yes, unless the surface is a white surface,
+    whose cortex lies outside."""
     cortex_thickness: str | None = None
-    """Field of the cohort, mm, that takes the place of cortex_depth, e.g. thickness."""
+    """Field of the cohort, mm, that replaces cortex_depth, e.g. thickness."""
     medial_wall: dict[str, list[int]] = {}
-    """Label fields and their keys that mark the medial wall, e.g. {parcellation: [0]}; the rest is cortical surface."""
+    """Label fields and the keys that mark the medial wall, e.g. {parcellation: [0]}. All other faces are cortex."""
     holes: list[str] = []
-    """Inner regions without tetrahedra in the files, e.g. [ventricle]; their walls are the faces `hole_surface`."""
+    """Inner regions to leave empty in the files, e.g. [ventricle]. Their walls are the faces `hole_surface`."""
     tags: str | None = None
-    """Volume of labels whose labels take the place of the regions, e.g. tissue: a format with one number for each
-    tetrahedron holds one of the two. null: the regions."""
+    """Label volume whose labels replace the regions as the numbers of tetrahedra, e.g. tissue. Formats with one number
+    per tetrahedron cannot hold both. null: the regions."""
     map: bool = False
-    """true also writes, beside each mesh, the matrices from its nodes to the vertices of the surface as it was read
+    """true also writes the sparse matrices from the nodes of each mesh to the vertices of its input surface
     (.to_surface.npz) and back (.from_surface.npz), for scipy.sparse.load_npz."""
     label_shares: bool = False
-    """true also writes the share of each label in each tetrahedron, for volumes of labels."""
+    """true also writes the volume fraction of each label in each tetrahedron, for label volumes."""
     field_units: dict[str, str] = {}
     """Units of the fields, e.g. {thickness: mm}, for the sidecars."""
 
@@ -158,29 +158,30 @@ class Export(Section):
 
 
 class Certify(Section):
-    """What a mesh must be to be called solver-ready."""
+    """Limits that a mesh must meet to be certified."""
 
     q_max: Threshold = 0.6
-    """Worst element: q (0 regular, 1 degenerate) must be below this."""
+    """Upper limit of the worst q (0: regular tetrahedron, 1: degenerate)."""
     max_boundary_distance: Positive | None = 1e-3
-    """Largest distance of a boundary node to the surface that was meshed, mm; null: no limit."""
+    """Largest distance from a boundary node to the meshed surface, mm. null: no limit."""
     max_face_distance: Positive | None = 0.75
-    """Largest distance of the centre of a boundary face to the surface, a fraction of h; null: no limit."""
+    """Largest distance from the centre of a boundary face to the surface, as a fraction of h. null: no limit."""
     min_bank_gap: Fraction | None = LEAST_BANK_GAP
-    """Smallest gap between banks of the boundary, through the outside, a fraction of the surface's own gap there (at
-    most an edge of the boundary); null: no limit."""
+    """Smallest gap between opposite banks of a sulcus in the mesh, as a fraction of the gap of the surface there (gaps
+    wider than an edge of the boundary do not count). null: no limit."""
     max_surface_distance: Positive | None = 0.5
-    """Largest distance of the surface (vertices and face centres) to the boundary, a fraction of h; null: no limit."""
+    """Largest distance from the surface (vertices and face centres) to the boundary, as a fraction of h. null: no
+    limit."""
     max_mean_surface_distance: Positive | None = 0.1
-    """The same, on average; null: no limit."""
+    """Largest mean of these distances, as a fraction of h. null: no limit."""
     max_area_change: Positive | None = 0.05
-    """Largest relative change of the area against the surface, of either sign; null: no limit."""
+    """Largest relative difference in area from the surface, of either sign. null: no limit."""
     max_volume_change: Positive | None = 0.1
-    """Largest relative change of the volume against the surface, of either sign; null: no limit."""
+    """Largest relative difference in volume from the surface, of either sign. null: no limit."""
     max_native_distance: Positive | None = 1.0
-    """Largest distance between the boundary and the native surface, as it was read, of both directions, a fraction of
-    h; null: no limit. This and the next two do not apply to surfaces that were repaired."""
+    """Largest distance between the boundary and the native (input) surface, in both directions, as a fraction of h.
+    null: no limit. This and the next two limits do not apply to repaired surfaces."""
     max_mean_native_distance: Positive | None = 0.2
-    """The same, on average; null: no limit."""
+    """Largest mean of these distances, as a fraction of h. null: no limit."""
     max_native_area_change: Positive | None = 0.1
-    """Largest relative change of the area against the native surface, of either sign; null: no limit."""
+    """Largest relative difference in area from the native surface, of either sign. null: no limit."""

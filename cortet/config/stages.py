@@ -30,15 +30,15 @@ BoundarySmoothing = Literal["laplacian", "workbench"]
 
 
 class Resample(Section):
-    """Surfaces with a sphere (column `sphere` of the sheet) on a mesh that all cases share: vertices correspond."""
+    """Resampling of surfaces with a registered sphere (column `sphere`) onto a mesh that all cases share."""
 
     enabled: bool = True
-    """false leaves the stage out: surfaces keep their own triangles, also where the sheet has spheres."""
+    """false skips the stage: surfaces keep their own triangles even if the sheet names spheres."""
     subdivisions: Annotated[int, Field(ge=3, le=7)] = 6
-    """The common mesh: an icosahedron so often divided; 6 gives 40,962 vertices, 5 gives 10,242."""
+    """Number of subdivisions of the icosahedron that is the common mesh: 6 gives 40,962 vertices, 5 gives 10,242."""
     template: str | None = None
-    """File of another common sphere (.surf.gii), which the spheres of the cases are registered to; {hemi} in its name
-    stands for L or R. null: the icosphere."""
+    """Sphere (.surf.gii) that replaces the icosphere as the common mesh; the spheres of the cases must be registered to
+    it. {hemi} in its name stands for L or R. null: the icosphere."""
 
     def template_of(self, hemisphere: str | None) -> str | None:
         """File of the common sphere of a hemisphere; None where it is the icosphere."""
@@ -53,59 +53,59 @@ class Resample(Section):
 
 
 class Repair(Section):
-    """Repair of broken input surfaces, within limits; what is beyond them or has no single right answer is refused."""
+    """Repair of broken input surfaces within limits. A surface is refused if its repair is larger or ambiguous."""
 
     enabled: bool = True
-    """false leaves the stage out: broken surfaces are refused by the gate, which mends only what is harmless."""
+    """false skips the stage. The gate then refuses broken surfaces; it corrects only harmless faults."""
     max_displacement: Positive = 1.0
-    """Farthest that triangles which cross others may be moved, or lie from those that take their place, mm."""
+    """Largest distance, mm, that repair may move a self-intersecting triangle or place its replacement from it."""
     max_volume_change: Fraction = 0.02
     """Largest relative change of the volume."""
     max_hole: Positive = 200.0
-    """Longest rim of a hole that is filled, mm; the rim of a medial wall that was cut away has some 120 to 180 mm."""
+    """Longest rim of a hole that repair fills, mm. A removed medial wall leaves a rim of 120 to 180 mm."""
     max_loop: Positive = 30.0
-    """Longest loop along which a handle is cut or a tunnel closed, mm."""
+    """Longest loop, mm, along which repair cuts a handle or closes a tunnel."""
     max_piece: Threshold = 0.01
-    """Share of the area up to which a separate piece is dropped; of several larger ones none is."""
+    """A separate piece is dropped if it has at most this fraction of the area. Two larger pieces are an error."""
     method: RepairMethod = "local"
-    """local mends what is broken and leaves the rest as it is. voxel, a last resort, replaces a broken surface by a
-    new one, a sphere, made on a grid; of the keys above, only the change of volume limits it."""
+    """local repairs the faults and leaves the rest unchanged. voxel, a last resort, rebuilds a broken surface on a grid
+    as a sphere; of the limits above, only the change of volume applies to it."""
     spacing: Positive = 0.3
-    """Spacing of the grid of voxel, mm: what is thinner is lost."""
+    """Grid spacing of the method voxel, mm. Thinner parts of the surface are lost."""
 
 
 class Gate(Section):
-    """Input gate: what a surface must be before anything else happens to it."""
+    """Checks that every input surface must pass before it is meshed."""
 
     choices: ClassVar[frozenset[str]] = Section.choices | {"unit", "affine"}
 
     allow_genus: NonNegativeInt = 0
-    """Largest genus accepted. 0: a sphere, as a hemisphere must be."""
+    """Largest accepted genus. 0, a topological sphere, is right for a hemisphere."""
     unit: Literal[tuple(UNITS)] = "mm"  # type: ignore[valid-type]
     """Unit of the coordinates of the input surfaces: mm, m, cm or um. A column `unit` of the sheet overrides it."""
     affine: Path | Annotated[list[list[float]], Field(min_length=4, max_length=4)] | None = None
-    """Coordinates are voxel indices: an image (.nii.gz, .mgz) with their voxel-to-mm affine, or its four rows. A column
-    `affine` of the sheet, relative to its folder, overrides it. null: they are none."""
+    """For coordinates that are voxel indices: an image (.nii.gz, .mgz) with the voxel-to-mm affine, or the four rows of
+    that matrix. A column `affine` of the sheet overrides it. null: coordinates are not voxel indices."""
 
 
 class SmoothSurface(Section):
-    """Smoothing of the input surface, as much as it is rough, or by gestational age as in the paper (PyMeshLab)."""
+    """Smoothing of the input surface (PyMeshLab), by its roughness or, as in the paper, by gestational age."""
 
     enabled: bool = True
-    """false leaves the stage out: the surface is meshed as the gate lets it through."""
+    """false skips the stage."""
     method: SmoothingMethod = "taubin"
-    """taubin removes stair steps without shrinking, where there are some; published smooths by gestational age, and is
-    left out where that is not known."""
+    """taubin removes stair steps, if there are any, without shrinking the surface. published smooths by gestational age
+    and is skipped if the age is not known."""
     max_roughness: Positive = 0.03
-    """taubin: roughness (mean bi-Laplacian along the normals over the mean edge) up to which a surface is not smoothed;
-    atlas surfaces have 0.006 to 0.027, the stair steps of a label image 0.11."""
+    """taubin: surfaces up to this roughness (mean bi-Laplacian along the normals over the mean edge length) are not
+    smoothed. Atlas surfaces have 0.006 to 0.027; the stair steps of a label image have 0.11."""
     max_area_change: Fraction = 0.08
-    """Largest relative change of the area; stair steps have some of their own, which goes with them."""
+    """Largest relative change of the area. Stair steps add area of their own, which smoothing removes."""
     max_volume_change: Fraction | None = 0.01
     """Largest relative change of the volume; null: no limit."""
     max_displacement: Positive = 0.05
-    """Largest mean distance to the unsmoothed surface, mm: a tenth of a voxel of 0.5 mm. Of taubin from surface to
-    surface, of published from vertex to nearest vertex."""
+    """Largest mean distance to the unsmoothed surface, mm. The default is a tenth of a 0.5 mm voxel. taubin measures it
+    from surface to surface, published from vertex to nearest vertex."""
 
     def runs(self, *, aged: bool) -> bool:
         """The published method asks for the age."""
@@ -113,19 +113,20 @@ class SmoothSurface(Section):
 
 
 class Regions(Section):
-    """Meshes with inner surfaces (column `inner` of the sheet): what is between them and the outer one."""
+    """Regions between the outer surface and inner surfaces (column `inner` of the sheet)."""
 
     #: S1 makes these elements; their number changes nothing here
     choices: ClassVar[frozenset[str]] = Section.choices | {"elements_across"}
 
     min_gap: Annotated[float, Field(gt=0, le=2)] = 0.5
-    """Distance that inner surfaces keep from the one around them, a fraction of h: where they are nearer, as at the
-    medial wall, they are moved inward."""
+    """Least distance of an inner surface from the surface around it, as a fraction of h. Where the two are closer, for
+    example at the medial wall, the inner surface is moved inward."""
     max_outside: Positive = 0.5
-    """Farthest that an inner surface may lie outside the one around it and still be moved inside, mm."""
+    """Largest distance, mm, by which an inner surface may lie outside the surface around it and still be moved
+    inside."""
     elements_across: Annotated[int, Field(ge=1, le=6)] = 1
-    """Tetrahedra through the cortex, between the outer surface and those inside it, at least: cells there become
-    smaller for it, down to 0.35 h, and grow to h away from it. The certificate says what came of it."""
+    """Least number of tetrahedra across the cortex, between the outer surface and the inner ones. Cells there become
+    smaller, down to 0.35 h, and grow back to h further inside. The certificate records the number reached."""
 
 
 _EDGE_LENGTHS = [1.25, 1.2, 1.15, 1.1, 1.0, 0.9, 0.8, 0.7, 0.6]
@@ -137,17 +138,20 @@ class Generate(Section):
     choices: ClassVar[frozenset[str]] = Section.choices | {"cell_size", "meshers"}
 
     cell_size: Annotated[list[CellSize], AsList, Field(min_length=1)] = [0.6]
-    """Cell size h, mm, a multiple of 0.001: bound of circumradius and surface ball. A list makes one mesh per size."""
+    """Cell size h, mm, a multiple of 0.001: upper bound of circumradii and surface balls. A list makes one mesh per
+    size."""
     meshers: Annotated[list[MesherName], AsList, Field(min_length=1)] = ["lattice"]
     """Meshers: lattice (ours: better elements, ten times faster), cgal (published), or with its own defaults one of
     tetgen, ftetwild, gmsh and netgen. Every stage after S1 is the same for all of them."""
     backend: Literal["auto", "pygalmesh", "cgal"] = "auto"
-    """Package that runs CGAL: pygalmesh (compiled from source), cgal (wheel), auto: pygalmesh where installed."""
+    """Package that runs CGAL: pygalmesh (compiled from source), cgal (wheel), or auto (pygalmesh if it is
+    installed)."""
     facet_angle: Annotated[float, Field(gt=0, le=30)] = 25.0
-    """Smallest angle of a boundary triangle, degrees; refinement ends for certain only up to 30."""
+    """Smallest angle of a boundary triangle, degrees. Above 30 refinement may not terminate."""
     facet_distance: Annotated[list[Fraction], AsList, Field(min_length=1)] = [0.5, 0.2, 0.1, 0.05]
-    """Distance of a boundary triangle's circumcentre to that of its surface ball, as fractions of h, tried in this
-    order until the boundary is a closed manifold of the input's genus: narrow sulci fuse when it is too large."""
+    """Largest distance between the circumcentre of a boundary triangle and the centre of its surface ball, as fractions
+    of h. They are tried in this order until the boundary is a closed manifold of the input's genus, since a large
+    distance lets narrow sulci fuse."""
     radius_edge_ratio: Positive = 2.0
     """Largest ratio of circumradius to shortest edge."""
     odt: bool = True
@@ -159,35 +163,25 @@ class Generate(Section):
     exude: bool = True
     """Sliver exudation, last."""
     seed: NonNegativeInt = 0
-    """Seed of CGAL's random numbers, and of the direction in which the surface is meshed (0: as it stands)."""
+    """Seed of CGAL's random numbers and of the orientation in which the surface is meshed (0: not rotated)."""
     fallback: Literal["lattice"] | None = "lattice"
-    """Mesher to take where no facet distance gives the right topology; null: none."""
-    edge_length: Annotated[list[Positive], AsList, Field(min_length=1)] = [
-        1.25,
-        1.2,
-        1.15,
-        1.1,
-        1.0,
-        0.9,
-        0.8,
-        0.7,
-        0.6,
-    ]
-    """lattice: edges of the boundary triangles, as fractions of h, tried in this order until no triangles cross."""
+    """Mesher to use if no facet distance gives the right topology. null: the case fails."""
+    edge_length: Annotated[list[Positive], AsList, Field(min_length=1)] = _EDGE_LENGTHS
+    """lattice: edge lengths of the boundary triangles, as fractions of h, tried in this order until none intersect."""
     surface_distance: Annotated[float, Field(gt=0, le=1)] = 0.4
-    """lattice: largest distance of the surface to the boundary triangles, a fraction of h; edges get shorter where it
-    takes that. S4 and S4+ slide the boundary and may add 0.07 h."""
+    """lattice: largest distance from the surface to the boundary triangles, as a fraction of h. Edges are shortened
+    where needed. S4 and S4+ slide the boundary, which may add 0.07 h."""
     core_ratio: Annotated[float, Field(ge=1, le=8)] = 1.0
-    """lattice: how many times larger cells are in the core; the cortex keeps h."""
+    """lattice: ratio of the cell size in the core to h. The cortex keeps h."""
     core_depth: Positive = 6.0
-    """lattice: depth below the surface where the core begins, mm."""
+    """lattice: depth below the surface at which the core begins, mm."""
     size_field: str | None = None
-    """lattice: field of the surface that says the cell size at each vertex, mm, where it is to be smaller than h (down
-    to 0.35 h); cells grow to h away from there."""
+    """lattice: field of the surface with the cell size at each vertex, mm, where it should be smaller than h (down to
+    0.35 h). Cells grow back to h away from there."""
     sizes: dict[str, Positive | None] = {}
-    """lattice: cell sizes, mm, at the surface of a region or inside labels of a volume, where they are to be smaller
-    than h (down to 0.35 h): {white: 0.5, dseg.nii.gz:thalamus: 0.4}; {sizes.nii.gz: null} takes them from the voxels.
-    Volumes for `cortet mesh` alone; cells grow to h away from there."""
+    """lattice: cell sizes, mm, at the surface of a region or inside labels of a volume, where they should be smaller
+    than h (down to 0.35 h): {white: 0.5, dseg.nii.gz:thalamus: 0.4}. {sizes.nii.gz: null} reads them from the voxels.
+    Only `cortet mesh` accepts volumes. Cells grow back to h away from there."""
 
     @property
     def passes(self) -> tuple[str, ...]:
@@ -196,22 +190,22 @@ class Generate(Section):
 
 
 class Transfer(Section):
-    """S2, and once more before S5: the surface's fields on the nodes of the mesh."""
+    """S2, and again before S5: transfer of the fields of the surface to the nodes of the mesh."""
 
     interior: Interior = "nearest"
-    """Values of interior nodes: nearest takes those of the nearest boundary node, harmonic solves Laplace's equation.
-    Labels always come from the nearest boundary node."""
+    """Values of interior nodes: nearest copies the nearest boundary node, harmonic solves Laplace's equation. Labels
+    are always copied from the nearest boundary node."""
 
 
 class Relocate(Section):
     """S3: Gmsh Relocate3D."""
 
     enabled: bool = False
-    """true adds the stage; it does not improve the elements of the lattice mesher."""
+    """true runs the stage. It does not improve meshes of the lattice mesher."""
     passes: PositiveInt = 5
     """Number of Relocate3D passes."""
     boundary: Literal["fixed", "free"] = "fixed"
-    """fixed keeps boundary nodes where S1 put them, on the surface; free lets Gmsh move them too."""
+    """fixed keeps boundary nodes on the surface, where S1 placed them. free lets Gmsh move them, too."""
 
     def excludes_inner_surfaces(self) -> str:
         """Gmsh is given the boundary only."""
@@ -222,16 +216,16 @@ class Clean(Section):
     """S4: worst-element cleaning; only vertices move."""
 
     enabled: bool = True
-    """false leaves the stage out."""
+    """false skips the stage."""
     thresholds: Annotated[list[Threshold], Field(min_length=1)] = [0.7, 0.5, 0.3]
-    """One pass per threshold: the vertices of elements with q above it are moved. Where `improve_mean` is false, passes
-    around them also move those above half of the lowest."""
+    """One pass per threshold moves the vertices of elements with q above it. If `improve_mean` is false, further passes
+    move those of elements with q above half of the lowest threshold."""
     boundary: Boundary = "slide"
-    """slide lets boundary nodes move along the input surface, fixed holds them, free lets them leave it."""
+    """slide moves boundary nodes along the input surface, fixed holds them, free lets them leave the surface."""
     improve_mean: bool = True
-    """Sweeps over all vertices before and after the passes, which improve the mean; the published tool has none."""
+    """true adds sweeps over all vertices, before and after the passes, that improve the mean q. meshtool has none."""
     backend: Literal["cortet", "meshtool"] = "cortet"
-    """cortet: our own kernel; meshtool: an installed meshtool binary (boundary free, improve_mean false)."""
+    """cortet: our own kernel. meshtool: an installed meshtool binary (needs boundary: free, improve_mean: false)."""
 
     def programs(self) -> dict[str, str]:
         """Meshtool, where it is the backend."""
@@ -252,16 +246,16 @@ class Clean(Section):
 
 
 class Reconnect(Section):
-    """S4+: local swaps where moving vertices cannot help; connectivity changes."""
+    """S4+: local reconnection of elements that no movement of vertices can improve."""
 
     enabled: bool = True
-    """false leaves the stage out."""
+    """false skips the stage."""
     threshold: Threshold = 0.3
-    """Swaps are tried around elements with q above this."""
+    """Swaps are tried around elements with a larger q."""
     boundary: Boundary = "slide"
-    """What boundary nodes may do when vertices move, as in clean; fixed also keeps every boundary edge."""
+    """Movement of boundary nodes, as in clean. fixed also keeps every boundary edge."""
     insert: bool = True
-    """true also inserts nodes inside, where no swap helps: between the banks of blades, behind corners."""
+    """true also inserts interior nodes where no swap helps, for example between the two sides of a thin gyrus."""
 
     def excludes_inner_surfaces(self) -> str:
         """A boundary that is free leaves the interfaces, too."""
@@ -269,18 +263,18 @@ class Reconnect(Section):
 
 
 class SmoothBoundary(Section):
-    """Post-mesh smoothing of the boundary (paper, section 4.4), with a cleaning of its own."""
+    """Post-mesh smoothing of the boundary (paper, section 4.4), followed by its own cleaning."""
 
     enabled: bool = False
-    """true adds the stage."""
+    """true runs the stage."""
     method: BoundarySmoothing = "laplacian"
-    """laplacian: PyMeshLab's surface-preserving one; workbench: wb_command -surface-smoothing, if it is installed."""
+    """laplacian: PyMeshLab's surface-preserving filter. workbench: wb_command -surface-smoothing, if installed."""
     iterations: PositiveInt = 3
-    """Iterations; halved, up to four times, when an element inverts."""
+    """Number of iterations. It is halved, up to four times, if an element inverts."""
     onto_surface: bool = True
-    """true puts the boundary back onto the surface after each iteration; false lets it leave it."""
+    """true projects the boundary back onto the surface after each iteration. false lets it leave the surface."""
     thresholds: list[Threshold] = [0.7, 0.5]
-    """Passes of the cleaning afterwards, as in clean; a further one at 0.3 does not converge here (paper)."""
+    """Thresholds of the cleaning that follows, as in clean. A pass at 0.3 does not converge here (paper)."""
 
     def programs(self) -> dict[str, str]:
         """Connectome Workbench, where it is the method."""
@@ -292,9 +286,9 @@ class SmoothBoundary(Section):
 
 
 class Snap(Section):
-    """S6: boundary nodes to the nearest point of the input surface."""
+    """S6: projection of boundary nodes onto the input surface."""
 
     enabled: bool = False
-    """true adds the stage; after `boundary: slide` there is nothing left for it to do."""
+    """true runs the stage. After `boundary: slide` the nodes lie on the surface already."""
     q_max: Threshold = 0.6
-    """Elements that snapping makes worse than this are repaired."""
+    """Elements that snapping would raise to this q or above are improved first."""
