@@ -57,85 +57,81 @@ class Fold(Section):
     choices: ClassVar[frozenset[str]] = Section.choices | {"variants", "real_surfaces", "picture"}
 
     cases: Cases | None = None
-    """Cases whose meshes are folded: all, a number of them spread over the ages, a list of their names, as file names
-    begin: sub-01_ses-02_hemi-L, or those to which a column of the sheet says yes: {column: simulated}. null: those of
-    the column fold, where the sheet has one. Each from its scan_age on, as half a brain where hemi is L or R. Point
-    data of the mesh named growth (0 to 1), thickness (mm), medial_wall and label are used; fields of the sheet become
-    them."""
+    """Cases to fold: all, a number of them spread over the ages, a list of names such as sub-01_ses-02_hemi-L, or the
+    cases that a column of the sheet marks with yes: {column: simulated}. null: the column fold, if the sheet has one.
+    Each fold starts at the scan_age of its case, as half a brain if hemi is L or R. It uses the point data growth (0 to
+    1), thickness (mm), medial_wall and label of the mesh, which fields of the sheet become."""
     variants: dict[Annotated[str, Field(pattern="^[a-z][a-z0-9]*$")], dict[str, Any]] = {}
-    """Further runs of each of these cases, name: keys of this section that differ, e.g.
-    {thin: {thickness: 1.0}, stiff: {core_stiffness: 2.0}}."""
+    """Further folds of each case, by name, with the keys of this section that differ, e.g. {thin: {thickness: 1.0},
+    stiff: {core_stiffness: 2.0}}."""
     real_surfaces: dict[Age, Path] = {}
-    """Real brains that pictures show beside the simulated ones of their age, gestational age: closed surface in mm and
-    RAS coordinates, of the same hemisphere; {hemi} in its name stands for L or R:
-    {22: "atlas/week22_hemi-{hemi}_white.surf.gii"}."""
+    """Real brains to show next to the simulated ones, by gestational age: closed surfaces of the same hemisphere, in mm
+    and RAS coordinates. {hemi} in a name stands for L or R: {22: "atlas/week22_hemi-{hemi}_white.surf.gii"}."""
     end: Age = 40.0
-    """Gestational age at which a run ends, weeks."""
+    """Gestational age at which a fold ends, weeks."""
     model: Model = "growing"
-    """growing: a brain that grows as a whole, its cortex more than its core. braingrowth: only the cortex grows, as in
-    the BrainGrowth solver, so the brain stays as small as it was."""
+    """growing: the entire brain grows, the cortex more than the core. braingrowth: only the cortex grows, as in the
+    BrainGrowth solver, so the brain does not get larger."""
     growth_rate: ByAge | None = None
-    """Tangential growth of the cortex. Of growing: relative to the core, per week from 22 weeks on, or since then at
-    ages, {22: 0, 30: 0.3, 38: 0.8}. Of braingrowth: per unit of time (0 at 22 weeks, 1 at 44). null: that of the
-    model."""
+    """Tangential growth of the cortex. growing: relative to the core, per week from 22 weeks on, or in total since 22
+    weeks at ages, {22: 0, 30: 0.3, 38: 0.8}. braingrowth: per unit of time (0 at 22 weeks, 1 at 44). null: the default
+    of the model."""
     thickness_rate: ByAge | None = None
-    """Of growing: change of the thickness that the cortex has without stress, relative to that of 22 weeks, per week or
-    at ages. null: that of the model."""
+    """growing: change of the stress-free thickness of the cortex relative to 22 weeks, per week or at ages. null: the
+    default of the model."""
     volume: dict[Age, Positive] | None = None
-    """Of growing: volume of the body at ages, {22: 20, 34: 79}; only ratios count. The core grows so that the whole
-    does this. null: a law fitted to healthy hemispheres of 22 to 42 weeks."""
+    """growing: volume of the brain at ages, {22: 20, 34: 79}; only ratios matter. The core grows so that the brain
+    follows it. null: a law fitted to healthy hemispheres of 22 to 42 weeks."""
     start: Literal["stressed", "free"] = "stressed"
-    """Of growing, for a mesh of later than 22 weeks. stressed: what its cortex should have grown by then, and its shape
-    does not show, comes in the first week. free: growth since its age alone, as it always is where growth was measured
-    (point data growth_to_AGE)."""
+    """growing, for meshes older than 22 weeks. stressed: the growth since 22 weeks that the shape of the mesh does not
+    show is applied in the first week. free: only growth after the age of the mesh is applied, as always where growth
+    was measured (point data growth_to_AGE)."""
     envelope: bool | None = None
-    """Of growing, where null is true: whether an envelope, as soft as a membrane with fluid behind it, keeps crowns
-    from growing beyond it: the convex hull at the start, grown as `hull` says."""
+    """growing (null: true): whether an envelope, as soft as a membrane with fluid behind it, holds the gyral crowns. It
+    is the convex hull at the start, grown as `hull` states."""
     hull: dict[Age, Positive] | None = None
-    """Of growing: volume of the convex hull at ages, {22: 25, 34: 106}; only ratios count. null: a law fitted to
-    healthy hemispheres of 22 to 40 weeks."""
+    """growing: volume of the convex hull at ages, {22: 25, 34: 106}; only ratios matter. null: a law fitted to healthy
+    hemispheres of 22 to 40 weeks."""
     core_regions: dict[int | str, ByAge] = {}
-    """Of growing: region of the mesh by its number, or of an exported mesh a set of tetrahedra by its name
-    (tissue_thalamus), and how much more than the rest of the core its lengths grow, per week from 22 weeks on or since
-    then at ages: a ventricle that shrinks has values below 0. Of two sets that share tetrahedra the later counts."""
+    """growing: additional growth in length of single regions of the core relative to the rest, per week from 22 weeks
+    on or in total at ages. A region is named by its number or, in an exported mesh, by its set of tetrahedra
+    (tissue_thalamus). A shrinking ventricle has negative values. Where two sets overlap, the later one applies."""
     core_stiffness: Positive | None = None
-    """Shear modulus of the core over that of the cortex. null: that of the model."""
+    """Shear modulus of the core relative to that of the cortex. null: the default of the model."""
     region_stiffness: dict[int | str, Positive] = {}
-    """Shear modulus of single regions of the core over that of the cortex, as `core_stiffness` is that of the rest: a
-    region by its number, or a set of tetrahedra by its name, as in `core_regions`. How much a region resists a change
-    of its volume stays that of the whole body."""
+    """Shear modulus of single regions of the core relative to that of the cortex; `core_stiffness` applies to the rest.
+    Regions are named as in `core_regions`. Their bulk modulus is that of the entire brain."""
     core_relaxation: Time | None = None
-    """Of growing: time in which shear stress in the core relaxes, weeks, or at ages, {22: 0.5, 34: 1}: tissue that is
-    pulled grows, as white matter does. elastic: it does not. null: that of the model."""
+    """growing: relaxation time of shear stress in the core, weeks, or at ages, {22: 0.5, 34: 1}: stretched tissue
+    grows, as white matter does. elastic: no relaxation. null: the default of the model."""
     region_relaxation: dict[int | str, Time] = {}
-    """The same of single regions of the core, as in `core_regions`."""
+    """Relaxation times of single regions of the core, which are named as in `core_regions`."""
     regions: dict[int, Annotated[list[Finite], Field(min_length=3, max_length=3)]] = {}
-    """Growth of single regions: value of the field label, then amplitude, rate and latency of a Gompertz law."""
+    """Growth of single regions, by value of the field label: amplitude, rate and latency of a Gompertz law."""
     allow_volume: bool = False
-    """true folds a mesh whose volume is below half or above twice that of a human brain of its age."""
+    """true also folds a mesh whose volume is less than half or more than twice that of a human brain of its age."""
     thickness: Positive | None = None
-    """Thickness of the growing cortex at the start, mm. null: of growing, that of the model; of braingrowth, 0.042 of
-    half the length of the brain at 22 weeks, 1.25 mm, and slightly more later. A run says which."""
+    """Thickness of the growing cortex at the start, mm. null: for growing, the default of the model; for braingrowth,
+    0.042 of half the length of the brain (1.25 mm at 22 weeks, slightly more later). The log states the value."""
     smoothing: Annotated[float, Field(ge=0, le=5)] | None = None
-    """Length of the low-pass filter that takes ripples off the surface before it folds, mm: waves of 2, 4, 6 and 10
-    times the length keep 8, 57, 84 and 97 % of their height. Voxels make such ripples, and folds would grow from them.
-    0: none. null: that of the model; of growing 1, of braingrowth 0."""
+    """Length of the low-pass filter that removes ripples from the surface before it folds, mm. Waves of 2, 4, 6 and 10
+    times this length keep 8, 57, 84 and 97 % of their height. Voxels leave such ripples, and folds would grow from
+    them. 0: no filter. null: the default of the model, 1 for growing and 0 for braingrowth."""
     time_step: Annotated[float, Field(ge=1e-8, le=1)] | None = None
-    """Largest dimensionless time step; null: as long as stability allows, measured at
-    each row of the table."""
+    """Largest dimensionless time step. null: the longest stable step, which is measured at each row of the table."""
     reference: bool = False
-    """true: centre, mask, medial plane, start of growth and lag of the reference implementation, for comparison; of
-    braingrowth."""
+    """braingrowth: true takes centre, mask, medial plane, start of growth and lag from the reference implementation,
+    for comparison."""
     record_interval: Positive = 0.1
-    """Weeks between two rows of the table of a run."""
+    """Weeks between two rows of the table of a fold."""
     frame_interval: Positive = 1.0
-    """Weeks between two frames (.vtu) of a run."""
+    """Weeks between two frames (.vtu) of a fold."""
     surfaces: list[Age] = []
-    """Weeks at which the folded cortex comes home to the vertices of its own surface, with maps of depth, curvature,
-    gyrification, thickness, growth of area, and stress in the cortex and in the white matter below: [28, 34]."""
+    """Weeks at which the folded cortex is written on the vertices of the input surface, with maps of depth, curvature,
+    gyrification, thickness, area growth, and stress in the cortex and in the white matter below it: [28, 34]."""
     picture: Measure | None = None
-    """Map that folded.png shows at the weeks of `surfaces`: depth, cortex_stress, ... null, or no such week: folds
-    every four weeks, beside real brains."""
+    """Map that folded.png shows at the weeks of `surfaces`: depth, cortex_stress, ... null: folded.png shows the folds
+    every four weeks next to real brains."""
 
     @model_validator(mode="after")
     def _keys_are_of_the_model(self) -> Fold:
