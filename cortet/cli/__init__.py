@@ -51,7 +51,7 @@ def app() -> App:
     )
     for module in (meshing, surfaces, meshes, runs, folding):
         module.add_commands(top)
-    top.register_install_completion_command(help="Let the shell complete commands and options.")
+    top.register_install_completion_command(help="Install shell completion for commands and options.")
     return top
 
 

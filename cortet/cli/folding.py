@@ -50,7 +50,7 @@ Weeks = Annotated[
         converter=_weeks,
         n_tokens=1,
         metavar="WEEKS",
-        help="Weeks at which the folded cortex is written on the vertices of its own surface, with maps: 28,34.",
+        help="Weeks at which the folded cortex is written on the vertices of the input surface, with maps: 28,34.",
     ),
 ]
 Folder = Annotated[FolderOfFiles, O, Parameter(metavar="DIR")]
@@ -79,24 +79,24 @@ def fold(
     threads: Annotated[int | None, number(1, 10_000, "N", whole=True)] = None,
     writes: Writes = Writes(),
 ) -> int:
-    """Grow the cortex of a mesh until it folds.
+    """Fold a mesh by growth of its cortex.
 
     Parameters
     ----------
     ga
-        Gestational age of the mesh (default: the one it was made for).
+        Gestational age of the mesh (default: from its sidecar).
     hemi
-        Half a brain, beside its other half (default: as its surface said).
+        Hemisphere, for half a brain (default: from its sidecar).
     end
         Gestational age at the end (default: 40).
     time_step
-        Dimensionless (default: as long as stability allows).
+        Dimensionless time step (default: the longest stable one).
     real
-        Surface of a real brain of this age, shown beside the simulated one; repeatable.
+        Surface of a real brain of this age to show next to the simulated one; repeatable.
     config
-        YAML file whose section fold says the rest.
+        YAML file whose section fold has the other parameters.
     threads
-        Default: one per core; the result is the same.
+        Number of threads (default: one per core); the result does not depend on it.
 
     Examples
     --------
@@ -173,7 +173,7 @@ def fold(
 
 
 def status(folder: Annotated[Path, Parameter(name="DIR")], /, *, _: Common = Common()) -> int:
-    """Say how far the run in a folder is, and end."""
+    """Print the progress of the fold in a folder, and exit."""
     from cortet.folding.journal import reached
 
     print(reached(folder))
@@ -192,7 +192,7 @@ def growth(
     picture: Picture | None = None,
     _: Writes = Writes(),
 ) -> int:
-    """Measure how much each spot of a surface has grown until a later age.
+    """Measure the growth of a surface between two ages, vertex by vertex.
 
     Parameters
     ----------
@@ -203,13 +203,13 @@ def growth(
     ages
         Gestational ages of the two.
     output
-        Growth, six numbers per vertex: .func.gii.
+        Growth tensors (.func.gii), six values per vertex.
     spheres
-        Registered spheres of EARLY and LATER, through which their vertices correspond.
+        Registered spheres of EARLY and LATER, if their vertices do not correspond.
     smooth
-        Full width at half maximum of the smoothing along the surface (default: as much as noise asks for).
+        Full width at half maximum of the smoothing along the surface (default: by the noise).
     picture
-        Also draw the ratio of the areas.
+        Also draw the map of area growth.
 
     Examples
     --------

@@ -92,9 +92,9 @@ def certify(
     Parameters
     ----------
     surface
-        Default: the surface that was meshed, by the sidecar.
+        Default: the meshed surface, from the sidecar.
     output
-        Also write the certificate there.
+        Also write the certificate to this file.
 
     Examples
     --------
@@ -159,7 +159,7 @@ def compare(
     limits: Limits = Limits(),
     _: Writes = Writes(),
 ) -> int:
-    """Set meshes of one surface side by side, whatever made them.
+    """Compare meshes of one surface, from any program.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def compare(
     surface
         The surface they fill (default: by the sidecar of the first).
     table
-        Also write the numbers there.
+        Also write the numbers to this file.
 
     Examples
     --------
@@ -220,7 +220,7 @@ def convert(
     tags: Annotated[str | None, Parameter(metavar="VOLUME")] = None,
     _: Writes = Writes(),
 ) -> int:
-    """Write a mesh file in another solver's format.
+    """Convert a mesh file to the format of another solver.
 
     Parameters
     ----------
@@ -229,9 +229,9 @@ def convert(
     unit
         Of a CARP file that is written (default: um).
     source_unit
-        Of the coordinates of IN (default: as its sidecar says, else um for CARP and mm for others).
+        Unit of IN (default: from its sidecar, else um for CARP and mm for other formats).
     tags
-        Number the tetrahedra by the labels of this volume, not by their regions.
+        Number tetrahedra by the labels of this volume instead of by region.
 
     Examples
     --------
@@ -254,12 +254,12 @@ def quadratic(
     max_boundary_distance: Annotated[float, number(0, 1000, "MM", endless=True)] = 1e-3,
     _: Writes = Writes(),
 ) -> int:
-    """Write a mesh as ten-node tetrahedra, midside nodes on the surface.
+    """Write a mesh as ten-node tetrahedra whose midside nodes lie on the surface.
 
     Parameters
     ----------
     surface
-        Default: the surface that was meshed, by the sidecar.
+        Default: the meshed surface, from the sidecar.
     output
         .inp, .feb, .msh, .vtu or .xdmf.
     max_boundary_distance
@@ -302,22 +302,22 @@ def picture(
     region: Annotated[bool | None, Parameter(negative="--no-region")] = None,
     _: Writes = Writes(),
 ) -> int:
-    """Draw a mesh cut open, coloured by region or by q, or a surface in the colours of a map.
+    """Draw a mesh cut open, coloured by region or q, or a map on a surface.
 
     Parameters
     ----------
     field
-        GIfTI with values at the vertices of the surface, which then takes the place of the mesh.
+        GIfTI with a value per vertex; then MESH is a surface, and the map is drawn on it.
     name
-        Of the array in it (default: the first).
+        Name of the array in the field (default: the first).
     plane
-        Axis across which it is cut.
+        Axis normal to the cut.
     position
-        Where along that axis; 1 draws the whole mesh.
+        Position of the cut along that axis; 1 draws the entire mesh.
     view
-        Side from which it is seen (default: the cut, from above and beside).
+        Direction of view (default: obliquely onto the cut).
     region
-        Colour by region, or with --no-region by q (default: by region where inner surfaces part them).
+        Colour by region, or with --no-region by q (default: by region if there are several).
 
     Examples
     --------
@@ -372,26 +372,26 @@ def project(
     template_sphere: InputFile | None = None,
     _: Writes = Writes(),
 ) -> int:
-    """Bring the result of a solver back to the surface that its mesh was made from.
+    """Project the results of a solver back onto the input surface.
 
     Parameters
     ----------
     result
-        VTU, VTK, PVD, XDMF, ...: fields of nodes and elements, steps.
+        VTU, VTK, PVD, XDMF, ...: fields of nodes and elements, time steps.
     mesh
-        The mesh that the solver ran on, as cortet wrote it.
+        Mesh of the simulation, as cortet wrote it.
     output
         GIfTI with an array for each field and step.
     thickness
-        Of the cortex (default: field thickness of the mesh).
+        Thickness of the cortex (default: field thickness of the mesh).
     surface
-        Another surface (default: by the sidecar of the mesh).
+        Surface to project onto (default: from the sidecar of the mesh).
     parcels
-        Labels of the surface; means over them, as TSV beside the output.
+        Labels of the surface; means per label are written as TSV next to the output.
     sphere
-        Registered sphere of the surface, which brings the result onto
+        Registered sphere of the surface; needs --template-sphere.
     template_sphere
-        the common sphere.
+        Common sphere onto which the results are resampled.
 
     Examples
     --------

@@ -42,13 +42,13 @@ class Line:
     Parameters
     ----------
     shell
-        Also mesh the space around the brain, a region csf, up to a smooth surface at least so far away.
+        Also mesh the space around the brain (region csf), out to a smooth surface at least this far away.
     ga
-        Gestational age, by which the setting published smooths the surface.
+        Gestational age; the setting published smooths the surface by it.
     field
-        Per-vertex field to carry to the mesh, GIfTI; repeatable.
+        Per-vertex field (GIfTI) to transfer to the mesh; repeatable.
     sphere
-        Sphere of SURFACE, through which it is put onto the common mesh.
+        Registered sphere of SURFACE, for resampling onto the common mesh.
     """
 
     inner: InnerFiles = ()
@@ -84,9 +84,9 @@ class Views:
     picture
         Also draw the mesh cut open, coloured by q.
     slices
-        Also draw slices of the first volume with the mesh in them.
+        Also draw slices of the first volume overlaid with the mesh.
     page
-        Also write a page on the mesh for a browser.
+        Also write an HTML page about the mesh.
     """
 
     picture: Picture | None = None
@@ -145,11 +145,11 @@ def mesh(
     surface
         Closed surface, GIfTI, mm.
     output
-        Mesh file; its suffix says for which solver.
+        Mesh file; its ending selects the format.
     volume
-        NIfTI or MGZ whose labels, numbers or tensors the tetrahedra get; FILE:KIND says which; repeatable.
+        NIfTI or MGZ whose labels, values or tensors are transferred to tetrahedra; FILE:KIND selects which; repeatable.
     hole
-        Write no tetrahedra inside the inner surface NAME, a ventricle for example; repeatable.
+        Leave the inner surface NAME empty, for example a ventricle; repeatable.
 
     Examples
     --------
@@ -222,14 +222,14 @@ def improve(
     configured: Configured = Configured(),
     how: Writes = Writes(),
 ) -> int:
-    """Take a mesh of any program through S3 to S6, and certify it.
+    """Improve a mesh of any program by S3 to S6, and certify it.
 
     Parameters
     ----------
     output
-        Mesh file; its suffix says for which solver.
+        Mesh file; its ending selects the format.
     surface
-        Closed surface that the mesh fills (default: by the sidecar).
+        Closed surface that the mesh fills (default: from the sidecar).
 
     Examples
     --------
@@ -263,14 +263,14 @@ def stages(
     configured: Configured = Configured(),
     _: Writes = Writes(),
 ) -> int:
-    """Run the line and tabulate what each stage does.
+    """Run all stages and tabulate the effect of each.
 
     Parameters
     ----------
     surface
         Closed surface, GIfTI, mm.
     output
-        Also write the table there.
+        Also write the table to this file.
 
     Examples
     --------

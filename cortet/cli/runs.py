@@ -46,11 +46,11 @@ def scan(
     Parameters
     ----------
     config
-        YAML file whose cohort.scan says where surfaces are.
+        YAML file whose section cohort.scan has the patterns of the surfaces.
     pial
-        Two regions: the pial surface, and the white one inside.
+        Mesh two regions: the pial surface with the white surface inside.
     update
-        Add new cases to an existing sheet, keep its rows.
+        Add new cases to an existing sheet and keep its rows.
     force
         Replace an existing sheet.
 
@@ -90,14 +90,14 @@ def scan(
 def report(
     output_dir: CheckedOutput, /, *, after: Literal["success", "failure"] | None = None, _: Common = Common()
 ) -> int:
-    """Make the tables, figures and pages over all cases of what is there.
+    """Make tables, figures and pages from the results in an output folder.
 
     Parameters
     ----------
     output_dir
         Output folder of a run.
     after
-        How a run ended: makes only what it leaves to be made.
+        How the run ended that calls this command; makes only what the run leaves to make.
 
     Examples
     --------
@@ -139,11 +139,11 @@ def run(
     Parameters
     ----------
     bids_dir
-        Dataset, or derivatives of one, with surfaces.
+        BIDS dataset, or its derivatives, with surfaces.
     output_dir
-        Where the derivatives go.
+        Output folder of the derivatives.
     levels
-        participant: single cases; group: tables and figures over all that are there (default: both).
+        participant: single cases; group: tables and figures over all cases (default: both).
     participant_label
         Only these participants.
     session_label
@@ -151,17 +151,17 @@ def run(
     hemi
         Only this hemisphere.
     pial
-        Two regions: the pial surface, and the white one inside.
+        Mesh two regions: the pial surface with the white surface inside.
     fold
-        Also fold every case of known age; takes hours per case with fine cells.
+        Also fold every case of known age; takes hours per case if cells are small.
     cores
         Default: all.
     profile
-        Profile of Snakemake: slurm, or a folder.
+        Snakemake profile: slurm, or a folder.
     dry_run
-        Name the cases, and what would be done to each.
+        List the cases and the jobs of each, and exit.
     work_dir
-        Cohort sheet, configuration and what Snakemake remembers.
+        Folder for cohort sheet, configuration and Snakemake's records.
 
     Examples
     --------
@@ -220,12 +220,12 @@ def run(
 
 
 def workflow(folder: Annotated[CheckedOutput | None, Parameter(name="DIR")] = None, /, *, _: Common = Common()) -> int:
-    """Print where the Snakefile lies, or prepare a folder for `snakemake`.
+    """Print the path of the Snakefile, or prepare a folder for `snakemake`.
 
     Parameters
     ----------
     folder
-        New or empty folder, for a Snakefile, a short config.yaml and a profile.
+        New or empty folder for a Snakefile, a short config.yaml and a profile.
 
     Examples
     --------
@@ -242,12 +242,12 @@ def workflow(folder: Annotated[CheckedOutput | None, Parameter(name="DIR")] = No
 
 
 def config(*, setting: Setting = "default", _: Common = Common()) -> int:
-    """Print every parameter, with its unit and meaning.
+    """Print every parameter with its unit and meaning.
 
     Parameters
     ----------
     setting
-        As of `cortet run`.
+        Preset, as in `cortet run`.
 
     Examples
     --------
@@ -260,7 +260,7 @@ def config(*, setting: Setting = "default", _: Common = Common()) -> int:
 
 
 def doctor(*, _: Common = Common()) -> int:
-    """Prove that everything needed is installed and works.
+    """Check that all dependencies are installed and work.
 
     Examples
     --------

@@ -36,7 +36,7 @@ class Common:
     Parameters
     ----------
     verbose
-        Say more while working.
+        Print more messages.
     """
 
     verbose: Annotated[bool, Parameter(alias="-v")] = False
@@ -50,7 +50,7 @@ class Writes(Common):
     Parameters
     ----------
     force
-        Replace existing files, whoever made them; never an input.
+        Replace existing files of any origin, but never an input.
     """
 
     force: bool = False
@@ -66,9 +66,9 @@ class Configured:
     config
         YAML file of parameters; see `cortet config`.
     setting
-        Our line, the paper's mesher with our boundary, or all choices of the paper.
+        Preset: ours, the paper's mesher with our stages, or all choices of the paper.
     cell_size
-        Cell size h (default: 0.6, or what --config says).
+        Cell size h (default: 0.6, or that of --config).
     """
 
     config: InputFile | None = None

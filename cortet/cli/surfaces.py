@@ -53,7 +53,7 @@ class Made:
 def gate(
     surfaces: Annotated[Sequence[Path], Parameter(name="SURFACE")], /, *, allow_genus: Handles = 0, _: Common = Common()
 ) -> int:
-    """Say of each surface whether it can be meshed.
+    """Check whether each surface can be meshed.
 
     Parameters
     ----------
@@ -107,18 +107,18 @@ def repair(
     field: NamedFiles = (),
     _: Writes = Writes(),
 ) -> int:
-    """Repair a broken surface, within limits.
+    """Repair a broken surface within limits.
 
     Parameters
     ----------
     surface
         GIfTI or FreeSurfer surface.
     output
-        GIfTI; the report is beside it.
+        GIfTI; the report is written next to it.
     config
         YAML file whose section repair holds the limits.
     picture
-        Also draw it before and after.
+        Also draw the surface before and after.
     field
         Per-vertex field, GIfTI.
 
@@ -171,7 +171,7 @@ def resample(
     field: NamedFiles = (),
     _: Writes = Writes(),
 ) -> int:
-    """Put a surface onto the common mesh, through its sphere.
+    """Resample a surface onto the common mesh through its sphere.
 
     Parameters
     ----------
@@ -180,9 +180,9 @@ def resample(
     sphere
         Registered sphere of SURFACE.
     output
-        GIfTI; the report is beside it.
+        GIfTI; the report is written next to it.
     config
-        YAML file whose section resample says onto what.
+        YAML file whose section resample names the common mesh.
     field
         Per-vertex field, GIfTI.
 
@@ -263,7 +263,7 @@ def head(
     voxel: Annotated[float, number(0.1, 5, "MM")] = 0.5,
     _: Writes = Writes(),
 ) -> int:
-    """Make a synthetic hemisphere with ventricles, a thalamus and volumes of them.
+    """Make a synthetic hemisphere with ventricles, a thalamus and their volumes.
 
     Parameters
     ----------
@@ -307,16 +307,16 @@ def envelope(
     closing: Annotated[float, number(*SHELL_MM, "MM")] = CLOSING_MM,
     _: Writes = Writes(),
 ) -> int:
-    """Make a smooth closed surface around one or several others.
+    """Make a smooth closed surface around other surfaces.
 
     Parameters
     ----------
     surfaces
         Closed surfaces of one head, mm.
     distance
-        From the surfaces, at least (default: 2).
+        Least distance from the surfaces (default: 2).
     closing
-        Half the width of the grooves that lie inside of it (default: 15).
+        Half the width of grooves to bridge (default: 15).
 
     Examples
     --------
@@ -342,7 +342,7 @@ def labels(
     handles: Handles = 0,
     _: Writes = Writes(),
 ) -> int:
-    """Make a closed surface around labels of a volume, without the steps of voxels.
+    """Make a smooth closed surface around labels of a volume.
 
     Parameters
     ----------

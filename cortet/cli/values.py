@@ -190,7 +190,7 @@ Formats = Annotated[
         converter=_formats,
         n_tokens=1,
         metavar="NAMES",
-        help="Files for solvers, by their endings: vtu,inp,feb,xdmf,mesh (default: vtu, or what --config says).",
+        help="Files for solvers, by ending: vtu,inp,feb,xdmf,mesh (default: vtu, or those of --config).",
     ),
 ]
 NamedFiles = Annotated[Sequence[tuple[str, str]], pairs(named_file, "NAME=FILE")]
@@ -198,7 +198,7 @@ InnerFiles = Annotated[
     Sequence[tuple[str, str]],
     pairs(inner_file, "NAME=FILE", "[NAME=]FILE"),
     Parameter(
-        help="Closed surface inside SURFACE, whose inside is a region NAME (default: white), or labels of a volume, "
+        help="Closed surface inside SURFACE that bounds the region NAME (default: white), or labels of a volume, "
         "VOLUME:5,6; repeatable."
     ),
 ]
@@ -207,6 +207,6 @@ Sizes = Annotated[
     pairs(size, "WHERE=MM"),
     Parameter(
         help="Smaller cells at the surface of a region (white=0.5), inside labels of a volume (dseg.nii.gz:5=0.5), or "
-        "as the voxels of a volume say (sizes.nii.gz); repeatable."
+        "by the voxels of a volume (sizes.nii.gz); repeatable."
     ),
 ]
