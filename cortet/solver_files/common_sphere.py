@@ -82,9 +82,9 @@ def onto_common(surface: TriSurface, sphere: Path, common: TriSurface) -> Weight
     own = read_surface(sphere)
     if not same_triangles(own, surface):
         raise InputError(
-            f"its {len(own.points):,} vertices are not those of the surface, which has {len(surface.points):,}",
+            f"the sphere has {len(own.points):,} vertices, the surface {len(surface.points):,}, or their triangles differ",
             file=sphere,
-            remedy="give the registered sphere of the surface that the mesh was made from",
+            remedy="give the registered sphere of this surface",
         )
     if found := flaws(own):
         raise InputError(f"is not a sphere: {'; '.join(found)}", file=sphere, remedy="give a registered sphere")
