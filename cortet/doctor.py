@@ -245,7 +245,7 @@ def _prove_meshtool() -> str:
 
 LISTED = (
     "cyclopts h5py jinja2 matplotlib meshio nibabel numpy pandas pydantic pyyaml scipy snakemake tabulate tetgen "
-    "threadpoolctl trimesh"
+    "threadpoolctl"
 )
 LIBRARIES = (
     Tool("numba", "kernels of S4", _prove_numba),

@@ -17,7 +17,7 @@ from cortet.measure.checks import beside_limit, in_words
 from cortet.measure.counts import COUNTED_LIMITS
 from cortet.meshes import TetMesh, TriSurface, region_names
 from cortet.report import pages, pictures, published
-from cortet.report.boundary_view import boundary_view, three_js
+from cortet.report.boundary_view import boundary_view
 from cortet.report.figures import mesh_quality_figures, svg
 from cortet.report.pages import Part
 from cortet.solver_files.volumes import TISSUE_COLUMNS
@@ -107,7 +107,7 @@ def write_case_page(
         state="certified" if certificate["certified"] else "uncertified",
         top=[("facts", {"texts": {**dict(facts or []), **{name: ELEMENTS[name].format_map(q) for name in _SIZE}}})],
         cohort=cohort,
-        scripts=(three_js(), pages.source("view.js")),
+        scripts=(pages.source("three.js"), pages.source("view.js")),
     )
 
 

@@ -11,7 +11,7 @@ from shapes import ball_mesh
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.quality import quality
 from cortet.meshes import TetMesh
-from cortet.report.boundary_view import boundary_view, colour_scale, three_js
+from cortet.report.boundary_view import boundary_view, colour_scale
 
 
 def unpacked(view: dict) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -64,9 +64,3 @@ def test_worst_elements_are_marked() -> None:
 def test_the_colours_are_those_of_the_pictures() -> None:
     stops = colour_scale()["colours"]
     assert stops[0] == [253, 231, 37] and stops[-1] == [68, 1, 84]  # viridis, from its end
-
-
-def test_three_js_comes_with_its_controls_and_its_licence() -> None:
-    library = three_js()
-    assert "Three.js Authors" in library[:200] and "MIT" in library[:200]
-    assert "TrackballControls" in library and "</script" not in library
