@@ -96,7 +96,7 @@ def write_comparison_page(
     ]
     cuts = [captioned(cut_view(mesh), name) for name, mesh in meshes.items()]
     surfaces = [
-        captioned(surface_view(surface, side=side, distances=far, darkest=darkest), f"{name}, from the {word}")
+        captioned(surface_view(surface, side=side, values=far, limits=(0.0, darkest)), f"{name}, from the {word}")
         for name, far in distances.items()
         for side, word in SIDES.items()
     ]
