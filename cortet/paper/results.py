@@ -34,13 +34,15 @@ def tables(plan: Plan) -> Results:
 
     def write() -> None:
         from cortet.paper.ablation import write_ablation
-        from cortet.report.methods import write_methods
+        from cortet.report.methods import methods_text, write_methods
+        from cortet.report.records import read_certificate
 
         made, reports = of.made(of.ablation_records()), of.made(of.ablation_reports())
         write_ablation(made, reports, of.missing(of.ablation_asked()), references, files["table-ablation"])
         write_by_mesh("resolution", of.resolution_records())
         write_by_mesh("measures", of.measures_records())
-        write_methods(plan.measured_certificates(), plan.sheet, plan.unmeasured(), methods[0])
+        certificates = [*map(read_certificate, plan.measured_certificates())]
+        write_methods(methods_text(certificates, plan.sheet, plan.unmeasured()), certificates, methods[0])
 
     def write_by_mesh(name: str, records: Records) -> None:
         from cortet.paper.mesh_tables import write_mesh_table
