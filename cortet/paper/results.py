@@ -59,7 +59,7 @@ def tables(plan: Plan) -> Results:
         write_methods(methods_text(contents, plan.sheet, plan.unmeasured()), contents, methods[0])
 
     every = [path for paths in files.values() for path in paths]
-    return Results([*every, *methods], inputs, lambda: [asdict(case) for case in plan.sheet], write, measures=True)
+    return Results([*every, *methods], inputs, lambda: [asdict(case) for case in plan.sheet], write)
 
 
 def figures(plan: Plan) -> Results:
@@ -91,4 +91,4 @@ def figures(plan: Plan) -> Results:
             draw_series(of.series(), series, cell_size=size)
 
     every = [path for paths in pooled.values() for path in paths]
-    return Results([*every, *series], inputs, facts, write, measures=True)
+    return Results([*every, *series], inputs, facts, write)

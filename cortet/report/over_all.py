@@ -29,7 +29,7 @@ from cortet.neighbours import OnPage, neighbours
 
 logger = logging.getLogger(__name__)
 
-#: rules that a whole run asks for
+#: rules that a whole run asks for; those of neighbours need at least one mesh with a certificate
 OF_COHORT = ("cohort_tables", "cohort_page")
 #: what a run records of itself in its output folder
 RUN = ".cortet/run.json"
@@ -47,8 +47,6 @@ class Results:
     #: what they depend on besides their inputs
     facts: Callable[[], Any]
     write: Callable[[], None]
-    #: whether they need at least one mesh with a certificate
-    measures: bool = False
 
 
 # --- a run -------------------------------------------------------------------------------------------------------
@@ -147,10 +145,10 @@ def report(output: Path, *, after: Literal["success", "failure"] | None = None) 
         made_by_run = after == "success" and (rule in asked or not all(map(_exists, result.inputs())))
         if made_by_run or not (rule in wanted or any(map(_exists, result.files))):
             continue
-        if result.measures and not plan.measured_certificates():
-            _delete(result.files)
-        else:
+        if rule in OF_COHORT or plan.measured_certificates():
             result.write()
+        else:
+            _delete(result.files)
         written += filter(_exists, result.files)
     if after == "success":
         _update_states(plan)

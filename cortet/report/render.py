@@ -127,7 +127,7 @@ def _frame(
 ) -> None:
     """Fill a share `room` of the width with points, as `_aim` sees them; below stand a scale bar and directions."""
     width, height = plotter.window_size
-    bar, up = _bar(points, across, towards), 1 if across == 2 else 2
+    bar, up = _bar(points, across, towards), _up(across)
     below = bar - _BELOW * np.ptp(points[:, up]) * np.eye(3)[up]
     shown, camera = np.concatenate([points, bar, below]), plotter.camera
     _aim(camera, shown, across, towards, width_to_height=room * width / height, **aim)
@@ -147,7 +147,7 @@ def _frame(
 def _bar(points: FloatArray, across: int, towards: float) -> FloatArray:
     """Ends of a scale bar (2, 3) below points, before all of them as seen along an axis."""
     low, high = points.min(axis=0), points.max(axis=0)
-    up = 1 if across == 2 else 2
+    up = _up(across)
     along = 3 - across - up
     length = max((bar for bar in _BARS if 4 * bar <= high[along] - low[along]), default=(high - low)[along] / 4)
     ends = np.tile((low + high) / 2, (2, 1))
@@ -155,6 +155,11 @@ def _bar(points: FloatArray, across: int, towards: float) -> FloatArray:
     ends[:, up] = low[up] - 0.03 * (high[up] - low[up])
     ends[:, along] += np.array([-length, length]) / 2
     return ends
+
+
+def _up(across: int) -> int:
+    """The axis that points up in a picture seen along the axis `across`."""
+    return 1 if across == 2 else 2
 
 
 def _directions(camera: pyvista.Camera) -> list[str]:
@@ -357,7 +362,7 @@ def _aim(
     beside: float = 0.4,
 ) -> None:
     """Look along an axis from the side `towards`, of a cut the open one, from above and beside; fill the picture."""
-    up, along = np.eye(3)[1 if across == 2 else 2], towards * np.eye(3)[across]
+    up, along = np.eye(3)[_up(across)], towards * np.eye(3)[across]
     view = along + above * up - beside * np.cross(up, along)
     view /= np.linalg.norm(view)
     right = np.cross(up, view) / np.linalg.norm(np.cross(up, view))
