@@ -72,7 +72,7 @@ def before_and_after(before: TriSurface, after: TriSurface, distances: FloatArra
             after_view = surface_view(after, side=side, values=distances, limits=limits, colours="Reds")
             _show(below, after_view, f"after, from the {word}")
         colours = ScalarMappable(Normalize(*limits), "Reds")
-        figure.colorbar(colours, ax=axes[1], shrink=0.6, label="distance to the surface before (mm)")
+        figure.colorbar(colours, ax=axes, shrink=0.4, label="distance to the surface before (mm)")
     return figure
 
 
