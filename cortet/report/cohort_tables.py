@@ -78,12 +78,7 @@ SUMMARY = Table(
 
 
 def quality_table(certificates: Sequence[Certificate], cases: Iterable[Case]) -> pd.DataFrame:
-    """One row per certificate, in their order: the case as in the cohort sheet, then the measured numbers.
-
-    Raises
-    ------
-    KeyError : the case of a certificate is not among `cases`
-    """
+    """One row per certificate, in their order: the case as in the cohort sheet, then the measured numbers."""
     sheet = {case.name: case for case in cases}
     described = [_of_case(sheet[content["case"]]) for content in certificates]
     rows = pd.DataFrame(described, columns=None if described else names(CASE_COLUMNS))

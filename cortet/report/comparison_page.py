@@ -65,10 +65,6 @@ def write_comparison_page(
     surface : the surface that all meshes should fill
     path : HTML file
     source : name of the surface's file
-
-    Raises
-    ------
-    StageError : the graphics library cannot draw here
     """
     distances = {
         name: distances_to(boundary_surface(mesh)[0], surface)[len(surface.points) :] for name, mesh in meshes.items()

@@ -189,6 +189,8 @@ def _delete(files: Iterable[str]) -> None:
 
 def _write_failure_pages(plan: Plan) -> list[str]:
     """Write the pages of meshes that have none of their own, because they or their volumes failed; their paths."""
+    if not plan.failures:  # what draws takes a second to load
+        return []
     from cortet.formats import gifti
     from cortet.report.case_page import about, write_failure_page
     from cortet.report.pictures import thumbnail
