@@ -23,8 +23,7 @@ from cortet.report.figures import mesh_quality_figures, svg
 from cortet.report.pages import Part
 from cortet.solver_files.volumes import TISSUE_COLUMNS
 from cortet.stages import STAGES
-
-Certificate = Mapping[str, Any]
+from cortet.stages.stage import Certificate
 
 #: job of the workflow -> what it does, in words
 DOES = {

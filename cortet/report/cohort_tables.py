@@ -17,11 +17,9 @@ from cortet.report import DATA
 from cortet.report.records import read_record
 from cortet.report.table_files import Table, mean_and_sd, median_and_range, write
 from cortet.solver_files.volumes import TISSUE_COLUMNS
+from cortet.stages.stage import Certificate
 
 VERSION: int = 7
-
-Certificate = Mapping[str, Any]
-
 
 #: columns of a case from the cohort sheet; its further columns follow
 CASE_COLUMNS = (

@@ -14,11 +14,12 @@ from cortet.measure.lost import distances_to
 from cortet.meshes import TetMesh, TriSurface
 from cortet.report import pages
 from cortet.report.boundary_view import colour_scale
-from cortet.report.case_page import ELEMENTS, Certificate, limit_of, of_check
+from cortet.report.case_page import ELEMENTS, limit_of, of_check
 from cortet.report.figures import mesh_quality_figures, svg
 from cortet.report.pages import SIDES, Panel, Part
 from cortet.report.pictures import captioned
 from cortet.report.render import cut_view, surface_view
+from cortet.stages.stage import Certificate
 
 #: numbers that a comparison shows besides the checks
 _SHOWN = ("Nodes", "Tetrahedra", "Mean q", "Elements with q > 0.3", "Elements with q > 0.6", "Dihedral angles", "Edges")
