@@ -17,10 +17,10 @@ def read_certificate(path: str | Path) -> dict[str, Any]:
 
     Raises
     ------
-    InputError : the file holds no checks
+    InputError : the file holds no checks, or is older than the `schema` of certificates
     """
     content = read_record(path)
-    if not content.get("checks"):
+    if not content.get("checks") or "schema" not in content:
         raise InputError("is not a certificate", file=path, remedy="delete it, and run the cohort again")
     return content
 
