@@ -29,7 +29,6 @@ MESHERS = ("pygalmesh", "cgal")
 LIBRARIES = (
     *("numba", *MESHERS, "gmsh", "pymeshlab", "pyvista", "cyclopts", "h5py", "jinja2", "matplotlib", "meshio"),
     *("nibabel", "numpy", "pandas", "pydantic", "pyyaml", "scipy", "snakemake", "tabulate", "tetgen", "threadpoolctl"),
-    "trimesh",
 )
 #: the extras `slurm` and `baselines` (meshers that experiments compare with)
 OPTIONAL = ("snakemake-executor-plugin-slurm", "pytetwild", "netgen-mesher")

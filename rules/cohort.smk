@@ -34,7 +34,7 @@ rule cohort_tables:
     localrule: True
     params:
         facts=facts_of("cohort_tables"),
-        version=versions("report.cohort_tables", "report.records", "report.table_files", "report.methods"),
+        version=versions("report.cohort_tables", "report.table_files", "report.methods"),
     script:
         "../scripts/over_all.py"
 

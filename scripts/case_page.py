@@ -11,7 +11,7 @@ from cortet.formats.atomic import atomic_path
 from cortet.formats.placement import placed
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface
-from cortet.report.case_page import about, write_case_page
+from cortet.report.case_page import Checked, about, write_case_page
 from cortet.report.pictures import thumbnail
 from cortet.report.records import read_certificate
 
@@ -19,21 +19,19 @@ given, params = job.input, job.params
 certificate = read_certificate(given.certificate)
 exported = certificate["certified"] or params.exported["uncertified"]
 mesh = vtu.read(given.mesh)
-write_case_page(
+page = Checked(
     mesh,
     placed(gifti.read_surface(given.surface, finite=False), params.to_mm),
+    gifti.read_nested(given.meshed, []),
     certificate,
-    Path(job.output.page),
-    tissues=read_tsv(Path(given.tissues[0])).to_dict("records") if given.tissues else [],
-    slices=Path(given.tissues[1]) if given.tissues else None,
-    meshed=gifti.read_nested(given.meshed, []),
     files=[
         *((name, f"{name} (the result, {form})") for name, form in params.exported["names"] if exported),
         (Path(given.certificate).name, "certificate (JSON)"),
         (Path(given.mesh).name, "mesh of the last stage (VTU)"),
     ],
-    facts=about(params.about),
-    cohort=params.cohort,
+    tissues=read_tsv(Path(given.tissues[0])).to_dict("records") if given.tissues else [],
+    slices=Path(given.tissues[1]) if given.tissues else None,
 )
+write_case_page(page, job.output.page, facts=about(params.about), cohort=params.cohort)
 with atomic_path(job.output.thumbnail) as small:
     small.write_bytes(thumbnail(boundary_surface(mesh)[0], params.about["hemi"]))

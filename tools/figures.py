@@ -157,7 +157,7 @@ def common() -> None:
         run("resample", "x.surf.gii", "--sphere", "sphere.surf.gii", "-o", "common.surf.gii")
         surface = read_surface("common.surf.gii")
         of_faces = np.sort(patches[surface.faces], axis=1)[:, 1]  # the patch of two or three vertices
-        ax.imshow(surface_view(surface, side="L", distances=of_faces, lowest=-0.5, darkest=11.5, colours="Paired"))
+        ax.imshow(surface_view(surface, side="L", values=of_faces, limits=(-0.5, 11.5), colours="Paired"))
         ax.set_title(f"{age} weeks, {read_surface('x.surf.gii').points.shape[0]:,} vertices", fontsize=11)
         ax.set_axis_off()
     row.savefig("common.png", dpi=100)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -249,11 +248,10 @@ def growth(
         write_fields(fields, place(output))
         write_fields(found.metrics, place(metrics))
         if picture:
-            from cortet.report.cohort_maps import maps_figure
             from cortet.report.figures import save
+            from cortet.report.surface_maps import maps_figure
 
-            shown = {"area ratio": found.metrics["area_ratio"]}
-            save(maps_figure(replace(young, point_data=shown)), place(picture))
+            save(maps_figure(young, {"area ratio": found.metrics["area_ratio"]}), place(picture))
     low, middle, high = (found.percentiles[key] for key in ("5", "50", "95"))
     print(f"from {start:g} to {end:g} weeks the area grows by {found.area_ratio:.3f}, the volume by ", end="")
     print(f"{found.volume_ratio:.3f}; the median vertex by {middle:.2f}, 90 % of them by {low:.2f} to {high:.2f}")

@@ -351,9 +351,10 @@ def picture(
             remedy=f"give a map with one number for each vertex of {file}",
         )
     require_same_hemisphere(field, hemisphere_of(file))
-    from cortet.report.surface_maps import draw_map
+    from cortet.report.figures import save
+    from cortet.report.surface_maps import maps_figure
 
-    draw_map(surface, values, chosen, output)
+    save(maps_figure(surface, {chosen: values}), output)
     print(f"{output}: drawn")
     return 0
 

@@ -104,7 +104,7 @@ class Views:
             draw(made.named(), self.picture, place)
         if self.page:
             from cortet.formats.gifti import kind_of
-            from cortet.report.case_page import about, write_case_page
+            from cortet.report.case_page import Checked, about, write_case_page
 
             chosen = {
                 "surface": kind_of(surface),
@@ -112,14 +112,8 @@ class Views:
                 "cell_size": config.generate.cell_size[0],
                 "mesher": config.generate.meshers[0],
             }
-            write_case_page(
-                made.mesh,
-                given.in_mm,
-                asdict(made.certificate),
-                place(self.page),
-                meshed=made.surface,
-                facts=about(chosen),
-            )
+            shown = Checked(made.mesh, given.in_mm, made.surface, asdict(made.certificate))
+            write_case_page(shown, place(self.page), facts=about(chosen))
             print(f"{self.page}: written")
 
 

@@ -143,10 +143,11 @@ def repair(
     with recorded(asdict(report), record) as place:
         write_surface(made, place(output))
         if picture:
-            from cortet.report.render import before_and_after
+            from cortet.report.figures import save
+            from cortet.report.surface_maps import before_and_after
 
             file = measurable(given)
-            before_and_after(file, made, distances_to(file, made)[len(made.points) :], place(picture))
+            save(before_and_after(file, made, distances_to(file, made)[len(made.points) :]), place(picture))
     for step in report.steps:
         print(f"{step.count} {step.done}")
     if not report.repaired:

@@ -6,7 +6,7 @@ A mesh that could not be made has no record. It still counts in its row of the t
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -16,14 +16,12 @@ import pandas as pd
 from cortet.formats.tables import Row, names, read_columns
 from cortet.meshers import MESHERS
 from cortet.paper.experiments import ABLATED
-from cortet.paper.records import Origin, by_origin, reasons_by_origin
+from cortet.paper.records import Origin
 from cortet.report import published
-from cortet.report.records import read_record
-from cortet.report.table_files import Table, mean_and_sd, median_and_range, write
+from cortet.report.table_files import Table, mean_and_sd, median_and_range
 from cortet.stages import STAGES
 
 VERSION: int = 6
-
 
 #: names of more than four cases before a reason: the first three, and the others
 _MORE = re.compile(r"((?:sub-[\w-]+, ){3})((?:sub-[\w-]+, )+sub-[\w-]+): ")
@@ -204,27 +202,3 @@ def _published_rows() -> pd.DataFrame:
         setting=pd.Series("published", rows.index).where(after_s2),
         remarks="arXiv:2607.12157",
     )
-
-
-def write_ablation(
-    records: Iterable[str],
-    reports: Iterable[str],
-    missing: Iterable[Mapping[str, Any]],
-    references: Iterable[str],
-    outputs: Iterable[str],
-) -> None:
-    """Write Table 1 from the files of quality records, of reports of S1, and of records of reference meshes.
-
-    Parameters
-    ----------
-    missing : `origin` and `reason` of each record that is missing
-    outputs : paths, in the forms of `table_files.write`
-    """
-    named = [read_record(path) for path in references]
-    table = ablation_table(
-        by_origin(records),
-        by_origin(reports),
-        reasons_by_origin(missing),
-        {record["origin"]["reference"]: record for record in named},
-    )
-    write(ABLATION, table, *outputs)

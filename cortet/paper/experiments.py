@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +18,7 @@ from cortet.cohort.selection import chosen
 from cortet.cohort.sheet import Case
 from cortet.config.section import Cases
 from cortet.meshers import BASELINES
+from cortet.paper.records import Origin
 from cortet.stages import MESH_STAGES, STAGES
 
 #: label of a stage whose effect is measured -> stages that have run, what the last of them adds
@@ -33,8 +34,8 @@ _PAPER = "--config experiments='{settings: [default, cgal, published], ablation:
 _RULES = {label: stage for stage, label in LABELS.items()}
 #: case, cell size in µm and mesher
 OfCase = tuple[Case, int, str]
-#: path of a quality record -> its origin, so that a table can also say whose record is missing
-Records = dict[str, dict[str, Any]]
+#: path of a record -> the mesh that it is about, so that a table can also say whose record is missing
+Records = dict[str, Origin]
 
 
 @dataclass(frozen=True)
@@ -88,8 +89,8 @@ class Experiments:
 
     def ablation_reports(self) -> Records:
         """What S1 reported of every mesh; with these as inputs the meshers run at once, not one after the other."""
-        label, meshes = STAGES["generate"].label, self.ablated([*self.own_meshers, *self.compared_meshers])
-        return {self._report(mesh): self.plan.origin_of_mesh(label, mesh[0].name, mesh[1], mesh[2]) for mesh in meshes}
+        meshes = self.ablated([*self.own_meshers, *self.compared_meshers])
+        return {self._report(mesh): self._origin(STAGES["generate"].label, mesh) for mesh in meshes}
 
     def ablation_records(self) -> Records:
         """Quality records of the ablation, without those of meshers of other projects that made no mesh."""
@@ -132,8 +133,8 @@ class Experiments:
         """Certificates of the meshes of the line among those of records; other settings and cell sizes have none."""
         plan = self.plan
         meshes = plan.each_case(plan.layout.certificate).items()
-        line = [(plan.origin_of_mesh("Solver", *mesh), path) for mesh, path in meshes]
-        return {path: origin for origin, path in line if origin in records.values()}
+        line = {path: Origin(**plan.origin_of_mesh("Solver", *mesh)) for mesh, path in meshes}
+        return {path: origin for path, origin in line.items() if origin in records.values()}
 
     def pooled_records(self, res: int) -> Records:
         """Quality records that the figure of pooled quality takes at one cell size, µm."""
@@ -188,21 +189,21 @@ class Experiments:
             seconds += sum(cost(rule, mesher).cpu_seconds(plan.tets(job)) for rule in rules)
         return seconds
 
-    def missing(self, records: Records) -> list[dict[str, Any]]:
-        """Whose the records are that are missing, and why."""
+    def missing(self, records: Records) -> dict[Origin, str]:
+        """Why records are missing, by their meshes."""
         reasons = ((origin, self._why_of(path, origin)) for path, origin in records.items())
-        return [{"origin": origin, "reason": reason} for origin, reason in reasons if reason]
+        return {origin: reason for origin, reason in reasons if reason}
 
-    def made(self, records: Records) -> list[str]:
+    def made(self, records: Records) -> Records:
         """The records that are not missing."""
-        return [path for path, origin in records.items() if not self._why_of(path, origin)]
+        return {path: origin for path, origin in records.items() if not self._why_of(path, origin)}
 
-    def _why_of(self, path: str, origin: Mapping[str, Any]) -> str | None:
-        """Why a record is missing, from its origin."""
-        case, res = self.plan.cases[origin["case"]], round(1000 * origin["cell_size_mm"])
-        named = {setting.setting: name for name, setting in self.plan.settings.items()}
-        rule = "certify" if path.endswith("certificate.json") else _RULES[origin["stage"]]
-        return self._why(path, rule, (case, res, origin["mesher"]), named.get(origin["setting"], ""))
+    def _why_of(self, path: str, origin: Origin) -> str | None:
+        """Why a record is missing."""
+        case, res = self.plan.cases[origin.case], round(1000 * origin.cell_size_mm)
+        named = {str(setting.setting): name for name, setting in self.plan.settings.items()}
+        rule = "certify" if path.endswith("certificate.json") else _RULES[origin.stage]
+        return self._why(path, rule, (case, res, origin.mesher), named.get(str(origin.setting), ""))
 
     def _why(self, path: str, rule: str, mesh: OfCase, setting: str = "") -> str | None:
         case, res, mesher = mesh
@@ -222,9 +223,12 @@ class Experiments:
         }
 
     def _record(self, label: str, mesh: OfCase, setting: str = "") -> Records:
+        path = file_of(self.plan.layout.mesh(label, "quality.json"), *mesh, setting)
+        return {path: self._origin(label, mesh, setting)}
+
+    def _origin(self, label: str, mesh: OfCase, setting: str = "") -> Origin:
         case, res, mesher = mesh
-        path = file_of(self.plan.layout.mesh(label, "quality.json"), case, res, mesher, setting)
-        return {path: self.plan.origin_of_mesh(label, case.name, res, mesher, setting)}
+        return Origin(**self.plan.origin_of_mesh(label, case.name, res, mesher, setting))
 
     def _report(self, mesh: OfCase) -> str:
         return file_of(self.plan.layout.mesh("Generated", "tetmesh.json"), *mesh)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -13,11 +12,11 @@ import pandas as pd
 
 from cortet.formats.tables import Column, Row, names, values
 from cortet.meshers import MESHERS
-from cortet.paper.records import Origin, by_origin, reasons_by_origin
+from cortet.paper.records import Origin
 from cortet.report import published
 from cortet.report.methods import findings
 from cortet.report.records import read_certificate
-from cortet.report.table_files import Table, mean_and_sd, number, write
+from cortet.report.table_files import Table, mean_and_sd, number
 
 VERSION: int = 5
 
@@ -184,34 +183,11 @@ def measures_table(
 
 # --- both ------------------------------------------------------------------------------------------------------------
 
-TABLES = {"resolution": (RESOLUTION, resolution_table), "measures": (MEASURES, measures_table)}
 
-
-def write_mesh_table(
-    table: str,
-    records: Iterable[str],
-    missing: Iterable[Mapping[str, Any]],
-    outputs: Iterable[str | Path],
-    *,
-    ages: Mapping[str, float | None],
-    certificates: Mapping[str, Mapping[str, Any]] | None = None,
-    uncertified: Iterable[Mapping[str, Any]] = (),
-) -> None:
-    """Write one of `TABLES` from the files of quality records.
-
-    Parameters
-    ----------
-    missing : `origin` and `reason` of each record that is missing
-    outputs : paths, in the forms of `table_files.write`
-    ages : case -> weeks, None where it is not known
-    certificates : file of a certificate -> `origin` of its mesh
-    uncertified : `origin` and `reason` of each certificate that is missing
-    """
-    described, table_of = TABLES[table]
-    read = {Origin(**origin): read_certificate(path) for path, origin in (certificates or {}).items()}
-    refused = {origin: findings(content) for origin, content in read.items() if not content["certified"]}
-    refused |= reasons_by_origin(uncertified)
-    write(described, table_of(by_origin(records), reasons_by_origin(missing), ages, refused), *outputs)
+def not_certified(certificates: Mapping[str, Origin]) -> dict[Origin, str]:
+    """Why meshes are not certified, from the files of their certificates; certified meshes are left out."""
+    read = {origin: read_certificate(path) for path, origin in certificates.items()}
+    return {origin: findings(content) for origin, content in read.items() if not content["certified"]}
 
 
 def _by_age(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -27,8 +27,3 @@ def by_origin(paths: Iterable[str | Path]) -> dict[Origin, dict[str, Any]]:
     """Contents of the files of records by their origins, in the order given."""
     records = [read_record(path) for path in paths]
     return {Origin(**record["origin"]): record for record in records}
-
-
-def reasons_by_origin(missing: Iterable[Mapping[str, Any]]) -> dict[Origin, str]:
-    """Why records are missing, from the `origin` and the `reason` of each."""
-    return {Origin(**entry["origin"]): entry["reason"] for entry in missing}

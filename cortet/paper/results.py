@@ -6,7 +6,8 @@ from dataclasses import asdict
 from typing import Any
 
 from cortet.cohort.plan import Plan
-from cortet.paper.experiments import Experiments, Records
+from cortet.paper.experiments import Experiments
+from cortet.paper.records import by_origin
 from cortet.report.over_all import Results, files_of
 
 #: tables of the paper, which are written in these forms
@@ -33,31 +34,32 @@ def tables(plan: Plan) -> Results:
         return list(dict.fromkeys([*ablation, *last, *of.certificates(last), *plan.measured_certificates()]))
 
     def write() -> None:
-        from cortet.paper.ablation import write_ablation
-        from cortet.report.methods import write_methods
+        from cortet.paper.ablation import ABLATION, ablation_table
+        from cortet.paper.mesh_tables import MEASURES, RESOLUTION, measures_table, not_certified, resolution_table
+        from cortet.report import table_files
+        from cortet.report.methods import methods_text, write_methods
+        from cortet.report.records import read_certificate, read_record
 
-        made, reports = of.made(of.ablation_records()), of.made(of.ablation_reports())
-        write_ablation(made, reports, of.missing(of.ablation_asked()), references, files["table-ablation"])
-        write_by_mesh("resolution", of.resolution_records())
-        write_by_mesh("measures", of.measures_records())
-        write_methods(plan.measured_certificates(), plan.sheet, plan.unmeasured(), methods[0])
+        made, reports = (by_origin(of.made(one)) for one in (of.ablation_records(), of.ablation_reports()))
+        named = {record["origin"]["reference"]: record for record in map(read_record, references)}
+        ablation = ablation_table(made, reports, of.missing(of.ablation_asked()), named)
+        table_files.write(ABLATION, ablation, *files["table-ablation"])
 
-    def write_by_mesh(name: str, records: Records) -> None:
-        from cortet.paper.mesh_tables import write_mesh_table
+        ages = {case.name: case.scan_age for case in plan.cases.values()}
+        for name, table, table_of, records in (
+            ("table-resolution", RESOLUTION, resolution_table, of.resolution_records()),
+            ("table-measures", MEASURES, measures_table, of.measures_records()),
+        ):
+            certificates = of.certificates(records)
+            refused = not_certified(of.made(certificates)) | of.missing(certificates)
+            rows = table_of(by_origin(of.made(records)), of.missing(records), ages, refused)
+            table_files.write(table, rows, *files[name])
 
-        certificates = of.certificates(records)
-        write_mesh_table(
-            name,
-            of.made(records),
-            of.missing(records),
-            files[f"table-{name}"],
-            ages={case.name: case.scan_age for case in plan.cases.values()},
-            certificates={path: certificates[path] for path in of.made(certificates)},
-            uncertified=of.missing(certificates),
-        )
+        contents = [*map(read_certificate, plan.measured_certificates())]
+        write_methods(methods_text(contents, plan.sheet, plan.unmeasured()), contents, methods[0])
 
     every = [path for paths in files.values() for path in paths]
-    return Results([*every, *methods], inputs, lambda: [asdict(case) for case in plan.sheet], write, measures=True)
+    return Results([*every, *methods], inputs, lambda: [asdict(case) for case in plan.sheet], write)
 
 
 def figures(plan: Plan) -> Results:
@@ -89,4 +91,4 @@ def figures(plan: Plan) -> Results:
             draw_series(of.series(), series, cell_size=size)
 
     every = [path for paths in pooled.values() for path in paths]
-    return Results([*every, *series], inputs, facts, write, measures=True)
+    return Results([*every, *series], inputs, facts, write)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,7 +20,7 @@ from cortet.report.figures import PAGE, Q_AXIS, H, drawn, letter, save
 from cortet.report.records import read_certificate
 from cortet.report.render import BEYOND, COLOURS, RANGE, lateral_view
 
-VERSION: int = 7
+VERSION: int = 8
 
 #: hemisphere -> its name, in the order of the rows
 _HEMISPHERES = {"L": "left", "R": "right", "n/a": "whole brain"}
@@ -29,33 +30,36 @@ _MARGIN, _BAR, _DPI = 1.04, 20.0, 400
 _FEWEST = 3
 
 
-def series_figure(
-    brains: Sequence[tuple[float | None, Mapping[str, TetMesh]]],
-    *,
-    names: Sequence[str] | None = None,
-    certified: Sequence[bool] | None = None,
-    cell_size: float | None = None,
-) -> Figure:
+@dataclass(frozen=True)
+class Brain:
+    """The meshes of a brain at one age."""
+
+    #: weeks; None if it is not known
+    age: float | None
+    #: by hemisphere: `L`, `R`, or `n/a` for all of it
+    meshes: Mapping[str, TetMesh]
+    #: written below its age
+    name: str = ""
+    #: whether all its meshes are certified; below the name it says if they are not
+    certified: bool = True
+
+
+def series_figure(brains: Sequence[Brain], *, cell_size: float | None = None) -> Figure:
     """Meshes by age: each hemisphere from its lateral side, and the first one of each brain cut, with q in colour.
 
     If a brain has more than one hemisphere, each has a row of its own.
 
     Parameters
     ----------
-    brains : age in weeks, None if it is not known, and the meshes of a brain by hemisphere (`L`, `R`, or `n/a` for
-        all of it)
-    names : of the brains, written below their ages
-    certified : whether all meshes of a brain are certified; below the name it says which are not
     cell_size : mm, written beside the scale bar
     """
-    hemispheres = [[hemi for hemi in _HEMISPHERES if hemi in meshes] for _, meshes in brains]
+    hemispheres = [[hemi for hemi in _HEMISPHERES if hemi in brain.meshes] for brain in brains]
     several = max(map(len, hemispheres)) > 1
-    rows = [hemi for hemi in _HEMISPHERES if any(hemi in meshes for _, meshes in brains)] if several else [None]
-    extents = [np.ptp(mesh.points, axis=0) for _, meshes in brains for mesh in meshes.values()]
+    rows = [hemi for hemi in _HEMISPHERES if any(hemi in brain.meshes for brain in brains)] if several else [None]
+    extents = [np.ptp(mesh.points, axis=0) for brain in brains for mesh in brain.meshes.values()]
     half_width, half_height = _MARGIN / 2 * np.max(extents, axis=0)[1:]
-    marks = [""] * len(brains)
-    if certified is not None and not all(certified):  # an empty line keeps the other names at one height
-        marks = ["\n" if good else "\nnot certified" for good in certified]
+    # where one is not certified, an empty line keeps the names of the others at its height
+    marks = ("", "") if all(brain.certified for brain in brains) else ("\n", "\nnot certified")
     room = PAGE / max(len(brains), _FEWEST)
     size = (room * len(brains), room * half_height / half_width * (len(rows) + 1) + 0.75)
 
@@ -76,15 +80,16 @@ def series_figure(
 
     with drawn(*size) as figure:
         axes = figure.subplots(len(rows) + 1, len(brains), squeeze=False)
-        for number, (column, (age, meshes), (first, *_)) in enumerate(zip(axes.T, brains, hemispheres, strict=True)):
-            weeks = "age n/a" if age is None else f"{age:g} weeks"
-            name = f"\n{names[number]}" if names else ""
-            column[0].set_title(weeks + ("" if several else f", {_HEMISPHERES[first]}") + name + marks[number])
+        for column, brain, (first, *_) in zip(axes.T, brains, hemispheres, strict=True):
+            weeks = "age n/a" if brain.age is None else f"{brain.age:g} weeks"
+            side = "" if several else f", {_HEMISPHERES[first]}"
+            name = f"\n{brain.name}" if brain.name else ""
+            column[0].set_title(weeks + side + name + marks[not brain.certified])
             for axis, row in zip(column, [*rows, None], strict=True):
                 _bare(axis)
                 hemi = row or first
-                if hemi in meshes:
-                    draw(axis, meshes[hemi], hemi, cut=axis is column[-1])
+                if hemi in brain.meshes:
+                    draw(axis, brain.meshes[hemi], hemi, cut=axis is column[-1])
         shown = [_HEMISPHERES[hemi] if hemi else "surface" for hemi in rows]
         for axis, what in zip(axes[:, 0], [*shown, "sagittal cut\nthrough the middle"], strict=True):
             axis.set_ylabel(what)
@@ -110,9 +115,16 @@ def draw_series(
 
     A mesh without a certificate is not certified.
     """
-    loaded = [(brain["age"], {hemi: vtu.read(path) for hemi, path in brain["meshes"].items()}) for brain in brains]
-    names, certified = [brain["name"] for brain in brains], [*map(_is_certified, brains)]
-    save(series_figure(loaded, names=names, certified=certified, cell_size=cell_size), *outputs)
+    loaded = [
+        Brain(
+            brain["age"],
+            {hemi: vtu.read(path) for hemi, path in brain["meshes"].items()},
+            brain["name"],
+            _is_certified(brain),
+        )
+        for brain in brains
+    ]
+    save(series_figure(loaded, cell_size=cell_size), *outputs)
 
 
 def _is_certified(brain: Mapping[str, Any]) -> bool:

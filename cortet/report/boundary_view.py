@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import base64
-import zipfile
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
-from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -16,7 +12,6 @@ import pyvista
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from cortet.errors import StageError
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.quality import quality
 from cortet.meshes import FloatArray, TetMesh, TriSurface
@@ -71,26 +66,6 @@ def colour_scale() -> dict[str, Any]:
     """RGB, 0 to 255: `colours` of q, evenly spaced over `render.RANGE`, and `beyond`, the colour of worse elements."""
     stops = mpl.colormaps[COLOURS](np.linspace(0, 1, _STOPS))
     return {"colours": [_rgb(colour) for colour in stops], "beyond": _rgb(BEYOND)}
-
-
-def three_js() -> str:
-    """three.js (r140, MIT licence) with its trackball controls, from the page of trimesh's viewer.
-
-    Raises
-    ------
-    StageError : the installed trimesh has another viewer
-    """
-    # located without an import, which would take longer than the rest of the view
-    found_at = find_spec("trimesh")
-    assert found_at is not None and found_at.origin is not None  # cortet needs it
-    begin, end = "<script>", "THREE.TrackballControls=TrackballControls;})();"
-    with zipfile.ZipFile(Path(found_at.origin).with_name("resources") / "templates/viewer.zip") as archive:
-        page = archive.read("viewer.html.template").decode("utf-8")
-    _, found, rest = page.partition(begin)
-    library, closed, _ = rest.partition(end)
-    if not (found and closed):
-        raise StageError(f"trimesh {version('trimesh')} has another viewer", remedy="install trimesh 5")
-    return library + end
 
 
 def _worst_around(mesh: TetMesh) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,14 +18,12 @@ from cortet.measure.checks import beside_limit, in_words
 from cortet.measure.counts import COUNTED_LIMITS
 from cortet.meshes import TetMesh, TriSurface, region_names
 from cortet.report import pages, pictures, published
-from cortet.report.boundary_view import boundary_view, three_js
+from cortet.report.boundary_view import boundary_view
 from cortet.report.figures import mesh_quality_figures, svg
 from cortet.report.pages import Part
+from cortet.report.stage_sentences import Certificate
 from cortet.solver_files.volumes import TISSUE_COLUMNS
 from cortet.stages import STAGES
-
-Certificate = Mapping[str, Any]
-Facts = list[tuple[str, str]]
 
 #: job of the workflow -> what it does, in words
 DOES = {
@@ -39,6 +38,7 @@ DOES = {
 _KILLED = "give the job more memory or time, and run again"
 _READ_LOG = "read the log; it holds every line the job printed"
 _NOT_FINITE = "The coordinates of the surface are not finite, so it cannot be drawn."
+NOTHING: Mapping[str, str] = MappingProxyType({})
 #: entries of `ELEMENTS` at the top of the page
 _SIZE = ("Nodes", "Tetrahedra")
 _COMPARED = {"<": "below", "<=": "at most", "==": "exactly", ">=": "at least"}
@@ -59,55 +59,42 @@ ELEMENTS = {
 
 
 class Checked(NamedTuple):
-    """Content of the page of a mesh: parameters of `write_case_page`."""
+    """What the page of a mesh, certified or not, shows."""
 
     mesh: TetMesh
+    #: the input surface, mm; its coordinates need not be finite
     surface: TriSurface
+    #: the surface that was meshed, drawn in the colour of its distance to the boundary
     meshed: TriSurface
+    #: content of the mesh's certificate.json
     certificate: Certificate
-    files: Sequence[tuple[str, str]]
-    #: rows of `solver_files.volumes.TISSUE_COLUMNS`, and the picture of slices
+    #: name and title of files in the folder of the page
+    files: Sequence[tuple[str, str]] = ()
+    #: rows of `solver_files.volumes.TISSUE_COLUMNS`
     tissues: Sequence[Mapping[str, Any]] = ()
+    #: PNG file of the volume with the mesh in it
     slices: Path | None = None
 
 
-def write_case_page(
-    mesh: TetMesh,
-    surface: TriSurface,
-    certificate: Certificate,
-    path: str | Path,
-    *,
-    meshed: TriSurface,
-    facts: Facts | None = None,
-    cohort: str = "",
-    files: Sequence[tuple[str, str]] = (),
-    tissues: Sequence[Mapping[str, Any]] = (),
-    slices: Path | None = None,
-) -> None:
-    """Write the page of a mesh, certified or not.
+def write_case_page(of: Checked, path: str | Path, *, facts: Mapping[str, str] = NOTHING, cohort: str = "") -> None:
+    """Write the page of a mesh.
 
     Parameters
     ----------
-    mesh : the mesh that was checked
-    surface : the input surface in mm, drawn beside the mesh; its coordinates need not be finite
-    certificate : content of the mesh's certificate.json
-    meshed : the surface that was meshed, drawn in the colour of its distance to the boundary
-    facts : other facts of the case, name and value
+    facts : further facts of the case, by their names
     cohort : address of the cohort page, as seen from this page
-    files : name and title of files beside the page
-    tissues : rows of the table beside a mesh with volumes
-    slices : PNG file of the volume with the mesh in it
     """
-    q = certificate["quality"]
+    name, q = of.certificate["case"], of.certificate["quality"]
+    certified = of.certificate["certified"]
     pages.write(
         path,
-        f"{certificate['case']}: {'certified' if certificate['certified'] else 'not certified'}",
-        pages.panels(PANELS, Checked(mesh, measurable(surface), meshed, certificate, files, tissues, slices)),
-        heading=certificate["case"],
-        state="certified" if certificate["certified"] else "uncertified",
-        top=[("facts", {"texts": {**dict(facts or []), **{name: ELEMENTS[name].format_map(q) for name in _SIZE}}})],
+        f"{name}: {'certified' if certified else 'not certified'}",
+        pages.panels(PANELS, of._replace(surface=measurable(of.surface))),
+        heading=name,
+        state="certified" if certified else "uncertified",
+        top=[("facts", {"texts": {**facts, **{size: ELEMENTS[size].format_map(q) for size in _SIZE}}})],
         cohort=cohort,
-        scripts=(three_js(), pages.source("view.js")),
+        scripts=(pages.source("three.js"), pages.source("view.js")),
     )
 
 
@@ -118,7 +105,7 @@ def write_failure_page(
     *,
     surface: TriSurface | None,
     trouble: str = "",
-    facts: Facts | None = None,
+    facts: Mapping[str, str] = NOTHING,
     cohort: str = "",
 ) -> None:
     """Write the page of a case that has no mesh.
@@ -148,31 +135,28 @@ def write_failure_page(
         ],
         heading=name,
         state=failure["state"],
-        top=[("facts", {"texts": dict(facts or [])})],
+        top=[("facts", {"texts": facts})],
         cohort=cohort,
     )
 
 
-#: kind of the surface that was given -> what the page says
-_SURFACES = {"white": "white, with the cortex outside it", "pial": "pial, with the cortex inside it"}
-
-
-def about(case: Mapping[str, Any]) -> Facts:
-    """Facts of a case for its page; unknown facts are left out.
+def about(case: Mapping[str, Any]) -> dict[str, str]:
+    """Facts of a case for its page, by their names; unknown facts are left out.
 
     Parameters
     ----------
     case : `surface` white or pial, `scan_age` weeks, `hemi`, `cell_size` mm, `mesher`
     """
+    surfaces = {"white": "white, with the cortex outside it", "pial": "pial, with the cortex inside it"}
     hemispheres = {"L": "left hemisphere", "R": "right hemisphere", None: "whole brain"}
     known = {
         "Age at scan": case.get("scan_age") and f"{case['scan_age']:g} weeks",
-        "Surface": case.get("surface") and _SURFACES[case["surface"]],
+        "Surface": surfaces.get(case.get("surface", "")),
         "Shape": "hemi" in case and hemispheres[case["hemi"]],
         "Cell size": case.get("cell_size") and f"{case['cell_size']:g} mm",
         "Mesher": case.get("mesher"),
     }
-    return [(name, value) for name, value in known.items() if value]
+    return {name: value for name, value in known.items() if value}
 
 
 def of_check(check: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,20 +25,12 @@ from cortet.geometry.topology import boundary_surface
 from cortet.meshes import TetMesh, TriSurface
 from cortet.stages.transfer import THICKNESS, with_thickness
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-VERSION: int = 3
+VERSION: int = 4
 
 #: name of the map of distances from the surface that was meshed to the boundary of the mesh, mm
 DISTANCE = "distance_to_boundary"
 #: labels of maps whose unit is known
 _LABELS = {DISTANCE: "distance to the boundary (mm)", THICKNESS: "thickness (mm)"}
-#: percent of the vertices that the range of colours leaves out at either end
-_TAIL = 1.0
-#: width and height of a picture, pixels
-_SIZE = (900, 675)
-_SIDES: tuple[Literal["L", "R"], ...] = ("L", "R")
 
 
 def case_map(resampled: TriSurface, meshed: TriSurface, mesh: TetMesh) -> TriSurface:
@@ -63,7 +55,7 @@ def case_map(resampled: TriSurface, meshed: TriSurface, mesh: TetMesh) -> TriSur
 
 
 def mean_map(cases: Sequence[TriSurface]) -> tuple[TriSurface, dict[str, int]]:
-    """The mean surface with the means of all fields (the most frequent label), and the number of cases in each mean.
+    """The mean surface with the mean of each field (the most frequent label), and the number of cases in each mean.
 
     Parameters
     ----------
@@ -71,8 +63,7 @@ def mean_map(cases: Sequence[TriSurface]) -> tuple[TriSurface, dict[str, int]]:
 
     Raises
     ------
-    InputError
-        there is no case, or they are not on one mesh
+    InputError : there is no case, or the cases are not on one mesh
     """
     if not cases:
         raise InputError("no case on the common mesh is done", remedy="see what failed in cohort_status.tsv")
@@ -94,27 +85,6 @@ def _mean(values: Sequence[NDArray[Any]]) -> NDArray[Any]:
     return most
 
 
-def maps_figure(mean: TriSurface) -> Figure:
-    """Each scalar map on the mean surface, from the left and the right of the head, with its own colours."""
-    from cortet.report.figures import PAGE, drawn, letter  # no job on a case draws
-    from cortet.report.surface_maps import map_view, usual_range
-
-    shown = {name: values for name, values in mean.point_data.items() if values.ndim == 1}
-    with drawn(PAGE, 2.6 * len(shown)) as figure:
-        axes = figure.subplots(len(shown), len(_SIDES), squeeze=False)
-        for row, (name, values) in zip(axes, shown.items(), strict=True):
-            limits = usual_range(values, _TAIL)
-            for axis, side in zip(row, _SIDES, strict=True):
-                image, colours = map_view(mean, values, side, limits, size=_SIZE)
-                axis.imshow(image, interpolation="antialiased")
-                axis.set_axis_off()
-                axis.set_title(f"from the {'left' if side == 'L' else 'right'}")
-            bar = figure.colorbar(colours, ax=row, shrink=0.6, extend="both")
-            bar.set_label(_LABELS.get(name, name.replace("_", " ")))
-        letter(axes[:, 0])
-    return figure
-
-
 def write_maps(
     cases: Sequence[tuple[str, str]], surface: str | Path, maps: str | Path, sidecar: str | Path, *pictures: str | Path
 ) -> None:
@@ -124,7 +94,8 @@ def write_maps(
     ----------
     cases : name of a case, and file of its `case_map`
     """
-    from cortet.report.figures import save
+    from cortet.report.figures import save  # no job on a case draws
+    from cortet.report.surface_maps import maps_figure
 
     mean, counts = mean_map([read_surface(path) for _, path in cases])
     write_surface(replace(mean, point_data={}), surface)
@@ -138,4 +109,6 @@ def write_maps(
         },
         sidecar,
     )
-    save(maps_figure(mean), *pictures)
+    scalars = {name: values for name, values in mean.point_data.items() if values.ndim == 1}
+    labelled = {_LABELS.get(name, name.replace("_", " ")): values for name, values in scalars.items()}
+    save(maps_figure(mean, labelled), *pictures)

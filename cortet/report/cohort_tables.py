@@ -1,4 +1,4 @@
-"""Tables over many meshes, from their certificates; a JSON sidecar explains every column."""
+"""Tables over all meshes: quality, summary, stages, tissues. A JSON sidecar explains every column."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ import pandas as pd
 
 from cortet.cohort.sheet import Case
 from cortet.formats.tables import Column, names, read_columns, values
+from cortet.formats.tsv import read_tsv
+from cortet.measure.counts import COUNTED_LIMITS
 from cortet.report import DATA
-from cortet.report.records import read_certificate
+from cortet.report.records import read_record
+from cortet.report.stage_sentences import Certificate
 from cortet.report.table_files import Table, mean_and_sd, median_and_range, write
+from cortet.solver_files.volumes import TISSUE_COLUMNS
 
 VERSION: int = 7
-
-Certificate = Mapping[str, Any]
-
 
 #: columns of a case from the cohort sheet; its further columns follow
 CASE_COLUMNS = (
@@ -31,6 +32,33 @@ CASE_COLUMNS = (
 #: columns of a mesh from its certificate, one per line of the file
 QUALITY_COLUMNS = read_columns(DATA / "cohort_quality_columns.tsv")
 
+#: columns of `cohort_stages.tsv`
+STAGES = Table(
+    "Every mesh, stage by stage",
+    (
+        Column("case", "Case", place="origin.case"),
+        Column("cell_size_mm", "Cell size h", "mm", place="origin.cell_size_mm"),
+        Column("mesher", "Mesher of stage S1", place="origin.mesher"),
+        Column("stage", "Stage whose mesh was measured, as file names give it", place="origin.stage"),
+        Column("nodes", "Number of nodes"),
+        Column("tets", "Number of tetrahedra"),
+        Column("q_mean", "Mean q", place="q.mean"),
+        Column("q_max", "Largest q", place="q.max"),
+        *(
+            Column(f"q_above_{limit}", f"Number of tetrahedra with q > {limit}", place=f"count_above.{limit}")
+            for limit in COUNTED_LIMITS
+        ),
+    ),
+)
+#: which mesh a row is about
+_MESH = (
+    Column("case", "Name of the case; its files begin with it", heading="Case"),
+    Column("scan_age", "Gestational age at scan", "weeks", heading="Age (weeks)", form="g"),
+    Column("cell_size_mm", "Cell size h", "mm", heading="h (mm)", form="g"),
+    Column("mesher", "Mesher of stage S1"),
+)
+#: columns of `cohort_tissues.tsv`
+TISSUES = Table("Tissue in every mesh, by the labels of its volumes", (*_MESH, *TISSUE_COLUMNS), group=("case",))
 #: one row per cell size and mesher, in the format of Table 1 of the CORTET paper
 SUMMARY = Table(
     "Element quality per cell size and mesher",
@@ -48,12 +76,7 @@ SUMMARY = Table(
 
 
 def quality_table(certificates: Sequence[Certificate], cases: Iterable[Case]) -> pd.DataFrame:
-    """One row per certificate, in their order: the case as in the cohort sheet, then the measured numbers.
-
-    Raises
-    ------
-    KeyError : the case of a certificate is not among `cases`
-    """
+    """One row per certificate, in their order: the case as in the cohort sheet, then the measured numbers."""
     sheet = {case.name: case for case in cases}
     described = [_of_case(sheet[content["case"]]) for content in certificates]
     rows = pd.DataFrame(described, columns=None if described else names(CASE_COLUMNS))
@@ -125,15 +148,34 @@ def _median_and_range(values: pd.Series[float], digits: int) -> str:
     return median_and_range(values.median(), values.min(), values.max(), digits)
 
 
-def write_quality(certificates: Sequence[str | Path], cases: Iterable[Case], outputs: Iterable[str | Path]) -> None:
-    """Write the quality of every mesh from the files of certificates, in the forms of `table_files.write`."""
-    contents = [read_certificate(path) for path in certificates]
-    rows = quality_table(contents, cases)
-    columns = quality_columns(contents, rows.columns)
+def write_quality(certificates: Sequence[Certificate], cases: Iterable[Case], outputs: Iterable[str | Path]) -> None:
+    """Write the quality of every mesh, in the forms of `table_files.write`; parameters as in `quality_table`."""
+    rows = quality_table(certificates, cases)
+    columns = quality_columns(certificates, rows.columns)
     write(Table("Quality, fidelity and topology of every mesh", columns), rows, *outputs)
 
 
-def write_summary(certificates: Sequence[str | Path], cases: Iterable[Case], outputs: Iterable[str | Path]) -> None:
-    """Write `SUMMARY` from the files of certificates, in the forms of `table_files.write`."""
-    contents = [read_certificate(path) for path in certificates]
-    write(SUMMARY, summary_table(quality_table(contents, cases)), *outputs)
+def write_summary(certificates: Sequence[Certificate], cases: Iterable[Case], outputs: Iterable[str | Path]) -> None:
+    """Write `SUMMARY`; parameters as in `quality_table`."""
+    write(SUMMARY, summary_table(quality_table(certificates, cases)), *outputs)
+
+
+def write_stages(records: Iterable[str | Path], outputs: Iterable[str | Path]) -> None:
+    """Write `STAGES`, one row per file of a quality record, in the order given."""
+    write(STAGES, values(STAGES.columns, [read_record(path) for path in records]), *outputs)
+
+
+def write_tissues(
+    files: Sequence[str | Path], meshes: Sequence[Mapping[str, Any]], outputs: Iterable[str | Path]
+) -> None:
+    """Write `TISSUES` in the forms of `table_files.write`.
+
+    Parameters
+    ----------
+    files : the `volumes.tsv` of each mesh
+    meshes : its case, scan_age, cell_size_mm and mesher, in the order of the files
+    """
+    tables = [read_tsv(Path(file)).assign(**mesh) for file, mesh in zip(files, meshes, strict=True)]
+    columns = names(TISSUES.columns)
+    rows = pd.concat(tables)[columns] if tables else pd.DataFrame(columns=columns)
+    write(TISSUES, rows.reset_index(drop=True), *outputs)

@@ -14,11 +14,12 @@ from cortet.measure.lost import distances_to
 from cortet.meshes import TetMesh, TriSurface
 from cortet.report import pages
 from cortet.report.boundary_view import colour_scale
-from cortet.report.case_page import ELEMENTS, Certificate, limit_of, of_check
+from cortet.report.case_page import ELEMENTS, limit_of, of_check
 from cortet.report.figures import mesh_quality_figures, svg
 from cortet.report.pages import SIDES, Panel, Part
 from cortet.report.pictures import captioned
 from cortet.report.render import cut_view, surface_view
+from cortet.report.stage_sentences import Certificate
 
 #: numbers that a comparison shows besides the checks
 _SHOWN = ("Nodes", "Tetrahedra", "Mean q", "Elements with q > 0.3", "Elements with q > 0.6", "Dihedral angles", "Edges")
@@ -65,10 +66,6 @@ def write_comparison_page(
     surface : the surface that all meshes should fill
     path : HTML file
     source : name of the surface's file
-
-    Raises
-    ------
-    StageError : the graphics library cannot draw here
     """
     distances = {
         name: distances_to(boundary_surface(mesh)[0], surface)[len(surface.points) :] for name, mesh in meshes.items()
@@ -96,7 +93,7 @@ def write_comparison_page(
     ]
     cuts = [captioned(cut_view(mesh), name) for name, mesh in meshes.items()]
     surfaces = [
-        captioned(surface_view(surface, side=side, distances=far, darkest=darkest), f"{name}, from the {word}")
+        captioned(surface_view(surface, side=side, values=far, limits=(0.0, darkest)), f"{name}, from the {word}")
         for name, far in distances.items()
         for side, word in SIDES.items()
     ]

@@ -1,4 +1,8 @@
-"""A methods section for a paper about a run: parameters, versions, numbers, exclusions, references."""
+"""The methods paragraph of a run, for a paper: parameters, versions, numbers, exclusions and references.
+
+`logs/CITATION.{md,bib}` cite by keys of the BibTeX file: `pandoc --citeproc --bibliography CITATION.bib` resolves them.
+`methods.md` has the references as a reader sees them.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +14,29 @@ from pathlib import Path
 from cortet.cohort.sheet import Case
 from cortet.formats.atomic import atomic_path
 from cortet.measure.checks import Check
-from cortet.report.citation import CLOSING, REFERENCES, cited, reference
-from cortet.report.records import read_certificate
+from cortet.report import DATA
 from cortet.report.stage_sentences import Certificate, counted, stage_sentences
+from cortet.version import __version__
 
 VERSION: int = 6
 
+#: key -> BibTeX entry, in the order of the list; the key of a program is its name in the versions of a certificate
+REFERENCES = {
+    found[1]: found[0].replace("VERSION", __version__)
+    for found in re.finditer(
+        r"@\w+\{(\w+),\n.*?\n\}\n",
+        (DATA / "references.bib").read_text(encoding="utf-8"),
+        flags=re.DOTALL,
+    )
+}
+#: before the references, at the end of the paragraph
+_CLOSING = "The method and the software are described in"
+#: name of a mesher in S1 -> key of its program
+_MESHERS = {"pygalmesh": "cgal", "lattice": "tetgen"}
+#: stage -> the program that does its work
+_PROGRAMS = {"relocate": "gmsh", "smooth_surface": "pymeshlab", "resample": "workbench"}
+#: libraries that every stage uses
+_LIBRARIES = ("numpy", "scipy", "numba")
 #: programs that check every surface
 _ALWAYS = ("pymeshlab",)
 #: distribution -> its name in a paper
@@ -54,19 +75,51 @@ def methods_text(certificates: Sequence[Certificate], sheet: Iterable[Case], fai
     return " ".join(sentences) + "\n"
 
 
-def write_methods(
-    certificates: Iterable[str],
-    sheet: Iterable[Case],
-    failures: Mapping[str, str],
-    markdown: str | Path,
-) -> None:
-    """Write the paragraph with its references, from the files of certificates."""
-    contents = [read_certificate(name) for name in certificates]
-    closed = f"{methods_text(contents, sheet, failures).strip()} {CLOSING}"
-    references = [reference(REFERENCES[key]) for key in cited(contents)]
+def write_methods(paragraph: str, certificates: Sequence[Certificate], markdown: str | Path) -> None:
+    """Write the paragraph with numbered references to what the run used.
+
+    Parameters
+    ----------
+    paragraph : from `methods_text`
+    certificates : contents of the certificates that the paragraph is about
+    """
+    references = [_reference(REFERENCES[key]) for key in cited(certificates)]
     listed = "\n".join(f"{number}. {words}" for number, words in enumerate(references, start=1))
-    with atomic_path(markdown) as temporary:
-        temporary.write_text(f"{closed} [1-{len(references)}].\n\n## References\n\n{listed}\n", encoding="utf-8")
+    _write(markdown, f"{paragraph.strip()} {_CLOSING} [1-{len(references)}].\n\n## References\n\n{listed}\n")
+
+
+def write_citation(paragraph: str, certificates: Sequence[Certificate], markdown: str, bibtex: str) -> None:
+    """Write the paragraph with the keys of its references, and the references; parameters as in `write_methods`."""
+    keys = cited(certificates)
+    in_text = "; ".join(f"@{key}" for key in keys)
+    _write(markdown, f"{paragraph.strip()} {_CLOSING} [{in_text}].\n\n### References\n")
+    _write(bibtex, "\n".join(REFERENCES[key] for key in keys))
+
+
+def _write(path: str | Path, text: str) -> None:
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def cited(certificates: Sequence[Certificate]) -> list[str]:
+    """Keys of the programs that a run used, from the reports of its stages: not every installed program was used."""
+    reports = [content["reports"] for content in certificates]
+    backends = {report["generate"].get("backend", "") for report in reports if "generate" in report}
+    used = {"cortet", "cortetsoftware", *_LIBRARIES, *(_MESHERS.get(name, name) for name in backends)}
+    worked = [{name: one for name, one in stages.items() if one.get("chosen_iterations", True)} for stages in reports]
+    used |= {program for stage, program in _PROGRAMS.items() if any(stage in stages for stages in worked)}
+    if any(stages.get("smooth_surface", {}).get("method") == "taubin" for stages in worked):
+        used.add("taubin")
+    return [key for key in REFERENCES if key in used]
+
+
+def _reference(entry: str) -> str:
+    """A reference as a reader sees it."""
+    fields = dict(re.findall(r"^  (\w+) = \{(.*)\},$", entry, flags=re.MULTILINE))
+    fields = {name: value.replace("{", "").replace("}", "") for name, value in fields.items()}
+    where = [fields[name] for name in ("journal", "booktitle", "volume", "year", "note", "url") if name in fields]
+    where += [f"arXiv:{fields['eprint']}"] if "eprint" in fields else []
+    return f"{fields['author'].replace(' and ', '; ')}: {fields['title']}. {', '.join(where)}."
 
 
 def _cohort(cases: Sequence[Case]) -> list[str]:

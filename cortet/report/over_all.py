@@ -1,7 +1,7 @@
-"""Tables, figures and pages over all cases, as a function of what is in the output folder.
+"""Tables, figures and pages over all cases, made of what is in the output folder.
 
 Four rules of the workflow make them when all cases are done. After a run with failures, and at any time by
-`cortet cohort report`, all are made of what is there.
+`cortet cohort report`, `report` makes them of what is there.
 """
 
 from __future__ import annotations
@@ -12,12 +12,11 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal, cast
 
 from cortet.cohort.failures import with_failures
-from cortet.cohort.jobs import Mesh, existing
+from cortet.cohort.jobs import existing
 from cortet.cohort.layout import beside, filled
 from cortet.cohort.outdated import set_aside
 from cortet.cohort.plan import Plan
@@ -31,9 +30,9 @@ from cortet.stages import require_nesting, require_programs
 
 logger = logging.getLogger(__name__)
 
-#: rules that a whole run asks for
+#: rules that a whole run asks for; those of neighbours need at least one mesh with a certificate
 OF_COHORT = ("cohort_tables", "cohort_page")
-#: what a run leaves of itself in its output folder
+#: what a run records of itself in its output folder
 RUN = ".cortet/run.json"
 #: when `report` last wrote results that a run may still change; Snakemake then makes them again
 REPORTED = ".cortet/reported.txt"
@@ -49,17 +48,13 @@ class Results:
     #: what they depend on besides their inputs
     facts: Callable[[], Any]
     write: Callable[[], None]
-    #: whether they need at least one mesh with a certificate
-    measures: bool = False
+
+
+# --- a run -------------------------------------------------------------------------------------------------------
 
 
 def plan_of(config: Mapping[str, Any]) -> Plan:
-    """The plan of a run, of the content of its configuration.
-
-    Raises
-    ------
-    InputError : the configuration or the sheet is wrong
-    """
+    """The plan of a run, from the content of its configuration."""
     own = load(config)
     # by the name that files carry: the line's own setting carries none, others are run beside it
     settings = {"": own} | {
@@ -78,7 +73,7 @@ def plan_of(config: Mapping[str, Any]) -> Plan:
 
 
 def remember_run(plan: Plan, config: Mapping[str, Any], asked: Iterable[str]) -> None:
-    """Leave the configuration of a run in its output folder, and the rules over all cases that it asks for.
+    """Record the configuration of a run in its output folder, and the rules over all cases that it asks for.
 
     Until the run has ended, the page of the cohort says that it is older, and meshes that the run makes again are
     unfinished in the table of states.
@@ -93,18 +88,15 @@ def remember_run(plan: Plan, config: Mapping[str, Any], asked: Iterable[str]) ->
     _update_states(with_failures(plan), began=datetime.now().astimezone().strftime("%Y-%m-%d at %H:%M"))
 
 
+def run_record(output: Path) -> dict[str, Any]:
+    """What the last run recorded of itself in an output folder; empty if no run did."""
+    return json_of(output / RUN)
+
+
 def is_of_run(config: Mapping[str, Any], output: Path) -> bool:
     """Whether the last run that wrote to an output folder had the sheet and the dataset of a configuration."""
-    record = run_record(output)
-    earlier = (record.get("config") or {}).get("cohort") or {}
-    return all(earlier.get(key) == (config.get("cohort") or {}).get(key) for key in ("sheet", "dataset")) and bool(
-        record
-    )
-
-
-def run_record(output: Path) -> dict[str, Any]:
-    """What the last run left of itself in an output folder; empty if nothing."""
-    return json_of(output / RUN)
+    earlier, now = ((one.get("cohort") or {}) for one in (run_record(output).get("config") or {}, config))
+    return bool(earlier) and all(earlier.get(key) == now.get(key) for key in ("sheet", "dataset"))
 
 
 def plan_of_run(output: Path) -> tuple[Plan, list[str]]:
@@ -114,7 +106,7 @@ def plan_of_run(output: Path) -> tuple[Plan, list[str]]:
 
     Raises
     ------
-    InputError : no run left its configuration there, or its sheet is gone
+    InputError : no run recorded its configuration there, or its sheet is gone
     """
     output = output.absolute()
     record = run_record(output)
@@ -136,16 +128,12 @@ def report(output: Path, *, after: Literal["success", "failure"] | None = None) 
 
     Parameters
     ----------
-    after : how the run ended that calls this: after a failure, what the run asked for and what is there is made again;
+    after : how the run ended that calls this. After a failure, what the run asked for and what is there is made again;
         after a success, only what is there and the run did not make. None: everything that a whole run makes, too
 
     Returns
     -------
     The files that were written
-
-    Raises
-    ------
-    InputError : as `plan_of_run`
     """
     plan, asked = plan_of_run(output)
     for moved in set_aside(with_failures(plan)):
@@ -155,23 +143,45 @@ def report(output: Path, *, after: Literal["success", "failure"] | None = None) 
     wanted = {None: {*asked, *OF_COHORT}, "failure": {*asked}, "success": set[str]()}[after]
     if Path(plan.layout.cohort_page).exists():
         wanted.add("cohort_tables")  # of which it is made
-    measured = bool(plan.measured_certificates())
     for rule, result in results(plan).items():
-        there = any(Path(path).exists() for path in result.files)
-        if after == "success" and (rule in asked or not all(Path(path).exists() for path in result.inputs())):
+        made_by_run = after == "success" and (rule in asked or not all(map(_exists, result.inputs())))
+        if made_by_run or not (rule in wanted or any(map(_exists, result.files))):
             continue
-        if rule in wanted or there:
-            if measured or not result.measures:
-                result.write()
-            else:
-                _delete(result.files)
-            written += [path for path in result.files if Path(path).exists()]
+        if rule in OF_COHORT or plan.measured_certificates():
+            result.write()
+        else:
+            _delete(result.files)
+        written += filter(_exists, result.files)
     if after == "success":
         _update_states(plan)
     else:
         with atomic_path(Path(plan.layout.output) / REPORTED) as temporary:
             temporary.write_text(datetime.now().isoformat(), encoding="utf-8")
     return [*map(Path, written)]
+
+
+def aggregate(config: Mapping[str, Any], output: Path, *, dry_run: bool = False) -> None:
+    """Make the results over all cases of the meshes that earlier runs left; the caller holds the lock of the folder.
+
+    Parameters
+    ----------
+    config : content of a configuration, whose sheet names the cases
+    dry_run : only check that there is a mesh
+
+    Raises
+    ------
+    InputError : no case of the sheet has a certificate there
+    """
+    plan = plan_of(config)
+    if not with_failures(plan).measured_certificates():
+        raise InputError("holds no mesh of these cases yet", file=output, remedy="run the level participant first")
+    if not dry_run:
+        remember_run(plan, config, {*run_record(output).get("asked", []), *OF_COHORT})
+        report(output)
+
+
+def _exists(path: str) -> bool:
+    return Path(path).exists()
 
 
 def _delete(files: Iterable[str]) -> None:
@@ -181,57 +191,33 @@ def _delete(files: Iterable[str]) -> None:
 
 def _write_failure_pages(plan: Plan) -> list[str]:
     """Write the pages of meshes that have none of their own, because they or their volumes failed; their paths."""
-    written = []
-    pages, small = plan.each_case(plan.layout.case_page), plan.each_case(plan.layout.thumbnail)
-    for mesh, failure in plan.failures.items():
-        if not plan.is_measured(mesh) or failure["stage"] == "volumes":
-            _write_failure_page(plan, mesh, failure, pages[mesh], small[mesh])
-            written.append(pages[mesh])
-    return written
-
-
-def _write_failure_page(plan: Plan, mesh: Mesh, failure: Mapping[str, Any], page: str, small: str) -> None:
+    if not plan.failures:  # what draws takes a second to load
+        return []
     from cortet.formats import gifti
     from cortet.report.case_page import about, write_failure_page
     from cortet.report.pictures import thumbnail
 
-    case, job = plan.cases[mesh[0]], plan.job(mesh)
-    given = existing(filled(plan.layout.surface("phantom"), job) if case.is_phantom else case.surface)
-    surface, trouble = None, "There is no such file."
-    if given:
+    written = []
+    pages, small = plan.each_case(plan.layout.case_page), plan.each_case(plan.layout.thumbnail)
+    for mesh, failure in plan.failures.items():
+        if plan.is_measured(mesh) and failure["stage"] != "volumes":
+            continue
+        case, job, page = plan.cases[mesh[0]], plan.job(mesh), pages[mesh]
+        given = existing(filled(plan.layout.surface("phantom"), job) if case.is_phantom else case.surface)
+        surface, trouble = None, "There is no such file."
         try:
-            surface = gifti.read_surface(str(given), finite=False)
+            surface = gifti.read_surface(str(given), finite=False) if given else None
         except CortetError as error:
             trouble = f"It cannot be drawn: {error}"
-    facts, cohort = about(plan.about(job)), beside(plan.layout.cohort_page, page)
-    write_failure_page(case.name, failure, page, surface=surface, trouble=trouble, facts=facts, cohort=cohort)
-    with atomic_path(small) as temporary:
-        temporary.write_bytes(thumbnail(surface, cast(Literal["L", "R"] | None, case.hemi)))
+        facts, cohort = about(plan.about(job)), beside(plan.layout.cohort_page, page)
+        write_failure_page(case.name, failure, page, surface=surface, trouble=trouble, facts=facts, cohort=cohort)
+        with atomic_path(small[mesh]) as temporary:
+            temporary.write_bytes(thumbnail(surface, cast(Literal["L", "R"] | None, case.hemi)))
+        written.append(page)
+    return written
 
 
-def aggregate(config: Mapping[str, Any], output: Path, *, dry_run: bool = False) -> list[Path]:
-    """Make the results over all cases of the meshes that earlier runs left; the caller holds the lock of the folder.
-
-    Parameters
-    ----------
-    config : content of a configuration, whose sheet names the cases
-    dry_run : see only whether there is a mesh
-
-    Returns
-    -------
-    The files that were written
-
-    Raises
-    ------
-    InputError : no case of the sheet has a certificate there, or as `plan_of`
-    """
-    plan = plan_of(config)
-    if not with_failures(plan).measured_certificates():
-        raise InputError("holds no mesh of these cases yet", file=output, remedy="run the level participant first")
-    if dry_run:
-        return []
-    remember_run(plan, config, {*run_record(output).get("asked", []), *OF_COHORT})
-    return report(output)
+# --- results -----------------------------------------------------------------------------------------------------
 
 
 def files_of(plan: Plan, name: str, *suffixes: str) -> list[str]:
@@ -245,26 +231,38 @@ def results(plan: Plan) -> dict[str, Results]:
     return {"cohort_tables": cohort_tables(plan), "cohort_page": cohort_page(plan), **others}
 
 
-# --- tables ------------------------------------------------------------------------------------------------------
-
-
 def cohort_tables(plan: Plan) -> Results:
     """Quality, summary, stages, tissues and states, and the citation of the run."""
-    files = [path for paths in _tables(plan).values() for path in paths]
-    return Results(
-        files,
-        lambda: [
-            *plan.measured_certificates(),
-            *plan.exported_files(),
-            *plan.stage_records(),
-            *plan.tissue_tables().values(),
-        ],
-        lambda: [
-            [asdict(case) for case in plan.sheet],
-            [{**row, "certificate": "certificate" in row} for row in plan.status()],
-        ],
-        lambda: _write_tables(plan),
-    )
+    files = _tables(plan)
+
+    def inputs() -> list[str]:
+        measured = [*plan.measured_certificates(), *plan.exported_files(), *plan.stage_records()]
+        return [*measured, *plan.tissue_tables().values()]
+
+    def facts() -> Any:
+        states = [{**row, "certificate": "certificate" in row} for row in plan.status()]
+        return [[asdict(case) for case in plan.sheet], states]
+
+    def write() -> None:
+        from cortet.report import cohort_tables
+        from cortet.report.methods import methods_text, write_citation
+        from cortet.report.records import read_certificate
+
+        _write_status(plan)
+        certificates, cases = [*map(read_certificate, plan.measured_certificates())], list(plan.cases.values())
+        cohort_tables.write_quality(certificates, cases, files["quality"])
+        cohort_tables.write_summary(certificates, cases, files["summary"])
+        cohort_tables.write_stages(plan.stage_records(), files["stages"])
+        if plan.has_volumes:
+            tables = plan.tissue_tables()
+            described = [plan.described(mesh) for mesh in tables]
+            cohort_tables.write_tissues(list(tables.values()), described, files["tissues"])
+        methods = "No mesh has been made."
+        if certificates:
+            methods = methods_text(certificates, plan.sheet, plan.unmeasured())
+        write_citation(methods, certificates, *files["citation"])
+
+    return Results([path for paths in files.values() for path in paths], inputs, facts, write)
 
 
 def _tables(plan: Plan) -> dict[str, list[str]]:
@@ -279,71 +277,58 @@ def _tables(plan: Plan) -> dict[str, list[str]]:
     }
 
 
-def _write_tables(plan: Plan) -> None:
-    from cortet.report.citation import write_citation
-    from cortet.report.cohort_tables import write_quality, write_summary
-    from cortet.report.cohort_tissues import write_tissues
-    from cortet.report.methods import methods_text
-    from cortet.report.records import read_certificate, write_stages
-
-    _write_status(plan)
-    certificates, files = plan.measured_certificates(), _tables(plan)
-    cases = list(plan.cases.values())
-    write_quality(certificates, cases, files["quality"])
-    write_summary(certificates, cases, files["summary"])
-    write_stages(plan.stage_records(), files["stages"])
-    if plan.has_volumes:
-        tables = plan.tissue_tables()
-        write_tissues(list(tables.values()), [plan.described(mesh) for mesh in tables], files["tissues"])
-    contents = [*map(read_certificate, certificates)]
-    methods = methods_text(contents, plan.sheet, plan.unmeasured()) if contents else "No mesh has been made."
-    write_citation(methods, contents, *files["citation"])
-
-
 def _write_status(plan: Plan) -> None:
     from cortet.cohort.status import COLUMNS, status_rows
-    from cortet.report.table_files import Table, write
+    from cortet.formats.tables import write_table
 
-    write(Table("What became of every case", COLUMNS), status_rows(plan.status()), *_tables(plan)["status"])
+    write_table(COLUMNS, status_rows(plan.status()), *_tables(plan)["status"])
 
 
 def _update_states(plan: Plan, *, began: str = "") -> None:
     """Write the table of states and the page anew, where they are there: they say how far the cases are."""
-    if Path(_tables(plan)["status"][0]).exists():
+    if _exists(_tables(plan)["status"][0]):
         _write_status(plan)
-        if Path(plan.layout.cohort_page).exists():
+        if _exists(plan.layout.cohort_page):
             _write_page(plan, began=began)
-
-
-# --- the page ----------------------------------------------------------------------------------------------------
 
 
 def cohort_page(plan: Plan) -> Results:
     """The page of a cohort and what it shows: the figure, means on the common mesh, and parts of neighbours."""
-    tables, parts = _tables(plan), _parts(plan)
-    return Results(
-        [
-            plan.layout.cohort_page,
-            *_figure(plan),
-            *(path for hemi in _mapped(plan) for path in _maps(plan, hemi)),
-            *(path for part in parts for path in part.files),
-        ],
-        lambda: [
+    tables, parts, maps = _tables(plan), _parts(plan), _maps(plan)
+    figure = files_of(plan, "figure-cohort", ".svg", ".pdf", ".png")
+    of_parts = [path for part in parts for path in part.files]
+
+    def inputs() -> list[str]:
+        return [
             tables["status"][0],
             *(tables["quality"][:2] if plan.measured_certificates() else []),
             *(tables["tissues"][:1] if plan.tissue_tables() else []),
             *plan.each_case(plan.layout.thumbnail).values(),
-            *(path for hemi in _mapped(plan) for path in plan.maps(hemi).values()),
+            *(path for hemi in maps for path in plan.maps(hemi).values()),
             *(path for part in parts for path in part.inputs),
-        ],
-        lambda: [
-            plan.listed_on_page(),
-            [list(plan.maps(hemi)) for hemi in _mapped(plan)],
-            [part.facts for part in parts],
-            [_limits(plan), plan.config.figures.journal],
-        ],
-        lambda: _draw_and_write_page(plan),
-    )
+        ]
+
+    def facts() -> Any:
+        mapped, of_parts = [list(plan.maps(hemi)) for hemi in maps], [part.facts for part in parts]
+        return [plan.listed_on_page(), mapped, of_parts, [_limits(plan), plan.config.figures.journal]]
+
+    def write() -> None:
+        from cortet.report.cohort_maps import write_maps
+        from cortet.report.figures import cohort_figure, look, save
+
+        with look(plan.config.figures.journal):
+            save(cohort_figure(Path(tables["quality"][0]), **_limits(plan)), *figure)
+            for hemi, files in maps.items():
+                if cases := plan.maps(hemi):
+                    write_maps(list(cases.items()), *files)
+                else:
+                    _delete(files)
+            for part in parts:
+                part.write()
+        _write_page(plan)
+
+    files = [plan.layout.cohort_page, *figure, *(path for paths in maps.values() for path in paths), *of_parts]
+    return Results(files, inputs, facts, write)
 
 
 def _parts(plan: Plan) -> list[OnPage]:
@@ -351,41 +336,22 @@ def _parts(plan: Plan) -> list[OnPage]:
     return [part for neighbour in neighbours() if (part := neighbour.on_page(plan))]
 
 
-def _figure(plan: Plan) -> list[str]:
-    return files_of(plan, "figure-cohort", ".svg", ".pdf", ".png")
-
-
 def _limits(plan: Plan) -> dict[str, Any]:
     """The limit and the target of the worst q, which figures show."""
     return {"limit": plan.config.certify.q_max, "target": plan.config.target}
 
 
-def _mapped(plan: Plan) -> list[Literal["L", "R"]]:
-    """Hemispheres with cases on the common mesh."""
-    hemispheres: tuple[Literal["L", "R"], ...] = ("L", "R")
-    return [hemi for hemi in hemispheres if plan.mapped(hemi)]
-
-
-def _maps(plan: Plan, hemi: str) -> list[str]:
-    """Mean surface of a hemisphere, its maps, their sidecar, and their picture."""
-    means = files_of(plan, f"hemi-{hemi}_desc-mean_", "white.surf.gii", "maps.shape.gii", "maps.json")
-    return [*means, *files_of(plan, f"figure-maps_hemi-{hemi}", ".png")]
-
-
-def _draw_and_write_page(plan: Plan) -> None:
-    from cortet.report.cohort_maps import write_maps
-    from cortet.report.figures import cohort_figure, look, save
-
-    with look(plan.config.figures.journal):
-        save(cohort_figure(Path(_tables(plan)["quality"][0]), **_limits(plan)), *_figure(plan))
-        for hemi in _mapped(plan):
-            if maps := plan.maps(hemi):
-                write_maps(list(maps.items()), *_maps(plan, hemi))
-            else:
-                _delete(_maps(plan, hemi))
-        for part in _parts(plan):
-            part.write()
-    _write_page(plan)
+def _maps(plan: Plan) -> dict[Literal["L", "R"], list[str]]:
+    """By hemisphere with cases on the common mesh: mean surface, its maps, their sidecar, and their picture."""
+    sides: tuple[Literal["L", "R"], ...] = ("L", "R")
+    return {
+        hemi: [
+            *files_of(plan, f"hemi-{hemi}_desc-mean_", "white.surf.gii", "maps.shape.gii", "maps.json"),
+            *files_of(plan, f"figure-maps_hemi-{hemi}", ".png"),
+        ]
+        for hemi in sides
+        if plan.mapped(hemi)
+    }
 
 
 def _write_page(plan: Plan, *, began: str = "") -> None:
@@ -400,23 +366,22 @@ def _write_page(plan: Plan, *, began: str = "") -> None:
     from cortet.report.pages import data_uri
 
     tables = {name: [Path(path) for path in paths] for name, paths in _tables(plan).items()}
-    dataset, measured = plan.config.cohort.dataset, bool(plan.measured_certificates()) and tables["quality"][0].exists()
-    draw = partial(cohort_figure, tables["quality"][0], **_limits(plan))
+    quality, dataset = tables["quality"], plan.config.cohort.dataset
+    measured = bool(plan.measured_certificates()) and quality[0].exists()
     small = [Path(path) for path in plan.each_case(plan.layout.thumbnail).values()]
-    meshes = [
-        {**row, "thumbnail": data_uri(file.read_bytes(), "image/webp") if file.exists() else None}
-        for row, file in zip(plan.listed_on_page(), small, strict=True)
-    ]
-    pictures = {hemi: Path(_maps(plan, hemi)[-1]) for hemi in _mapped(plan)}
+    charts = {name: cohort_figure(quality[0], **_limits(plan), panels=[name]) for name in PANELS if measured}
     write_cohort_page(
         tables["status"][0],
-        (tables["quality"][0], tables["quality"][1]) if measured else None,
+        (quality[0], quality[1]) if measured else None,
         plan.layout.cohort_page,
-        meshes=meshes,
-        charts={column: svg(draw(panels=[column])) for column in PANELS} if measured else {},
-        maps={hemi: picture for hemi, picture in pictures.items() if picture.exists()},
+        meshes=[
+            {**row, "thumbnail": data_uri(file.read_bytes(), "image/webp") if file.exists() else None}
+            for row, file in zip(plan.listed_on_page(), small, strict=True)
+        ],
+        charts={name: svg(figure) for name, figure in charts.items()},
+        maps={hemi: Path(files[-1]) for hemi, files in _maps(plan).items() if _exists(files[-1])},
         tissues=tables["tissues"][0] if plan.tissue_tables() else None,
-        more=[part for part in _parts(plan) if all(Path(path).exists() for path in part.files)],
+        more=[part for part in _parts(plan) if all(map(_exists, part.files))],
         dataset=dataset.resolve().name if dataset else "",
         began=began,
     )

@@ -122,7 +122,7 @@ def _by_distance(surface: TriSurface, to: TriSurface, what: str, other: str, *, 
     colours = "Reds" if red else "Greys"
     return [
         captioned(
-            surface_view(surface, side=side, distances=distances, darkest=darkest, colours=colours),
+            surface_view(surface, side=side, values=distances, limits=(0.0, darkest), colours=colours),
             f"{what}, {word}",
             scale,
         )

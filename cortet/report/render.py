@@ -56,25 +56,15 @@ _AXES = {"x": 0, "y": 1, "z": 2}
 _VIEWS = {"left": (0, -1), "right": (0, 1), "back": (1, -1), "front": (1, 1), "bottom": (2, -1), "top": (2, 1)}
 
 #: light that keeps colours readable and still shows the shape
-_FLAT_LIGHT = {"ambient": 0.5, "diffuse": 0.5, "show_scalar_bar": False}
-
-_CUT_LOOK = {
-    "scalars": "q",
-    "cmap": COLOURS,
-    "clim": RANGE,
-    "above_color": BEYOND,
-    "show_edges": True,
-    "edge_color": "#303030",
-    "line_width": 0.6,
-    "ambient": 0.5,
-    "diffuse": 0.5,
-}
+_FLAT = {"ambient": 0.5, "diffuse": 0.5}
+_EDGES = {"show_edges": True, "edge_color": "#303030", "line_width": 0.6, **_FLAT}
+_BY_Q = {"scalars": "q", "cmap": COLOURS, "clim": RANGE, "above_color": BEYOND}
+_GREY = {"color": "#D0D0D0", "ambient": 0.15, "diffuse": 0.85, "smooth_shading": True}
 #: directions in a picture: along its width, its height and the view; lengths of scale bars, mm
 _DIRECTIONS = (("on the left", "on the right"), ("down", "up"), ("away from you", "towards you"))
 _BARS = (1, 2, 5, 10, 20, 50)
 #: room for the words below a bar, a share of the height; their colour, which shows on white and on black
 _BELOW, _INK = 0.12, "#767676"
-_REGION_LOOK = {"show_edges": True, "edge_color": "#303030", "line_width": 0.6, "ambient": 0.5, "diffuse": 0.5}
 
 
 def picture(
@@ -102,8 +92,7 @@ def picture(
 
     Raises
     ------
-    InputError : the mesh has no regions, or none of it is left
-    StageError : the graphics library cannot draw here
+    InputError : the mesh has no regions, or the plane leaves none of it
     """
     k = _AXES[axis]
     if regions is None:
@@ -117,7 +106,7 @@ def picture(
         if regions:
             _add_regions(plotter, shell, names={number: name for name, number in tags.regions(mesh).items()})
         else:
-            plotter.add_mesh(shell, **_CUT_LOOK, scalar_bar_args=SCALE)
+            plotter.add_mesh(shell, **_BY_Q, **_EDGES, scalar_bar_args=SCALE)
         from_side = {"above": 0.0, "beside": 0.0} if view else {}
         across, towards = _VIEWS[view] if view else (k, 1)
         said = where if position < 1 else ""
@@ -138,7 +127,7 @@ def _frame(
 ) -> None:
     """Fill a share `room` of the width with points, as `_aim` sees them; below stand a scale bar and directions."""
     width, height = plotter.window_size
-    bar, up = _bar(points, across, towards), 1 if across == 2 else 2
+    bar, up = _bar(points, across, towards), _up(across)
     below = bar - _BELOW * np.ptp(points[:, up]) * np.eye(3)[up]
     shown, camera = np.concatenate([points, bar, below]), plotter.camera
     _aim(camera, shown, across, towards, width_to_height=room * width / height, **aim)
@@ -158,7 +147,7 @@ def _frame(
 def _bar(points: FloatArray, across: int, towards: float) -> FloatArray:
     """Ends of a scale bar (2, 3) below points, before all of them as seen along an axis."""
     low, high = points.min(axis=0), points.max(axis=0)
-    up = 1 if across == 2 else 2
+    up = _up(across)
     along = 3 - across - up
     length = max((bar for bar in _BARS if 4 * bar <= high[along] - low[along]), default=(high - low)[along] / 4)
     ends = np.tile((low + high) / 2, (2, 1))
@@ -166,6 +155,11 @@ def _bar(points: FloatArray, across: int, towards: float) -> FloatArray:
     ends[:, up] = low[up] - 0.03 * (high[up] - low[up])
     ends[:, along] += np.array([-length, length]) / 2
     return ends
+
+
+def _up(across: int) -> int:
+    """The axis that points up in a picture seen along the axis `across`."""
+    return 1 if across == 2 else 2
 
 
 def _directions(camera: pyvista.Camera) -> list[str]:
@@ -186,22 +180,18 @@ def _axes(camera: pyvista.Camera) -> FloatArray:
 
 
 def cut_view(mesh: TetMesh, *, regions: bool = False, size: tuple[int, int] = (1200, 900)) -> NDArray[np.uint8]:
-    """The same picture at the middle of y, without the colours of q: (height, width, 4), transparent around the mesh.
+    """Draw a mesh cut open at the middle of y, without a legend: (height, width, 4), transparent around the mesh.
 
     Parameters
     ----------
-    regions : each tetrahedron in the colour of its region (`REGION_COLOURS`), not in that of its q
-
-    Raises
-    ------
-    StageError : the graphics library cannot draw here
+    regions : each tetrahedron has the colour of its region (`REGION_COLOURS`), not that of its q
     """
     shell = _cut(mesh, _AXES["y"], 0.5)
     with off_screen(size) as plotter:
         if regions:
             _add_regions(plotter, shell)
         else:
-            plotter.add_mesh(shell, **_CUT_LOOK, show_scalar_bar=False)
+            plotter.add_mesh(shell, **_BY_Q, **_EDGES, show_scalar_bar=False)
         _frame(plotter, np.asarray(shell.points, float), _AXES["y"], 1)
         return _cut_out(plotter)
 
@@ -211,48 +201,39 @@ def surface_view(
     *,
     side: Literal["L", "R"],
     size: tuple[int, int] = (900, 675),
-    distances: FloatArray | None = None,
-    lowest: float = 0.0,
-    darkest: float | None = None,
+    values: FloatArray | None = None,
+    limits: tuple[float, float] = (0.0, 1.0),
     colours: str | Colormap = "Greys",
     framed: bool = True,
 ) -> NDArray[np.uint8]:
-    """A surface from the left or the right of the head; open and branching edges are drawn over it.
+    """Draw a surface from the left or the right of the head; open and branching edges are drawn over it.
 
     Parameters
     ----------
     surface : RAS coordinates, x to the right; it need not be closed
     side : side from which it is seen
     size : pixels, width and height
-    distances : (m,) mm, one per face; faces are coloured from white at `lowest` to black at `darkest`
-    lowest : mm
-    darkest : mm; None: the largest distance
-    colours : colour map of the distances, of matplotlib or as it names it
-    framed : whether a scale bar and the directions stand below it
+    values : (m,) one per face, which colours the faces; None: the surface is grey
+    limits : values of the first and the last colour
+    colours : Matplotlib colour map, or its name
+    framed : whether a scale bar and the directions stand below the surface
 
     Returns
     -------
     (height, width, 4), transparent around the surface
-
-    Raises
-    ------
-    StageError : the graphics library cannot draw here
     """
     shape = pyvista.PolyData.from_regular_faces(surface.points, surface.faces)
     wrong = shape.extract_feature_edges(
         boundary_edges=True, non_manifold_edges=True, feature_edges=False, manifold_edges=False
     )
     with off_screen(size) as plotter:
-        if distances is None:
-            plotter.add_mesh(shape, color="#D0D0D0", ambient=0.15, diffuse=0.85, smooth_shading=True)
+        if values is None:
+            plotter.add_mesh(shape, **_GREY)
         else:
-            shape.cell_data["distance"] = distances
-            plotter.add_mesh(
-                shape, scalars="distance", cmap=colours, clim=(lowest, darkest or distances.max()), **_FLAT_LIGHT
-            )
+            plotter.add_mesh(shape, scalars=values, cmap=colours, clim=limits, show_scalar_bar=False, **_FLAT)
         if wrong.n_points:
             plotter.add_mesh(wrong, color=BEYOND, line_width=4, lighting=False)
-        look: Any = {"across": 0, "towards": -1.0 if side == "L" else 1.0, "above": 0.0, "beside": 0.0}
+        look: Any = {"across": 0, "towards": _towards(side), "above": 0.0, "beside": 0.0}
         if framed:
             _frame(plotter, surface.points, **look)
         else:
@@ -260,42 +241,14 @@ def surface_view(
         return _cut_out(plotter)
 
 
-def before_and_after(before: TriSurface, after: TriSurface, distances: FloatArray, path: str | Path) -> None:
-    """Draw a surface from the left and the right of the head, and below it the changed surface.
-
-    Parameters
-    ----------
-    distances : (m,) mm, one per face of `after`; faces are coloured from white at 0 to red at the largest
-    path : PNG file
-
-    Raises
-    ------
-    StageError : the graphics library cannot draw here
-    """
-    sides: tuple[Literal["L", "R"], ...] = ("L", "R")
-    red = reddest(distances)
-    rows = [
-        [surface_view(before, side=side) for side in sides],
-        [surface_view(after, side=side, distances=distances, darkest=red, colours="Reds") for side in sides],
-    ]
-    size = tuple(max(image.shape[axis] for row in rows for image in row) + 20 for axis in (0, 1))
-    sheet = np.concatenate([np.concatenate([_on_white(image, size) for image in row], axis=1) for row in rows])
-    with atomic_path(path) as temporary:
-        matplotlib.image.imsave(temporary, sheet, format="png")
+def _towards(side: Literal["L", "R"]) -> float:
+    """Direction along x from which a side of the head is seen."""
+    return -1.0 if side == "L" else 1.0
 
 
 def reddest(distances: FloatArray) -> float:
     """The distance of the darkest colour, mm: the largest, but no less than what rounding can make."""
     return max(float(distances.max()), 0.01)
-
-
-def _on_white(image: NDArray[np.uint8], size: tuple[int, ...]) -> NDArray[np.uint8]:
-    """A cut-out picture in the middle of a white picture of `size` (rows, columns)."""
-    full = np.full((*size, 3), 255, np.uint8)
-    opaque = image[:, :, 3:] / 255
-    top, left = (size[0] - image.shape[0]) // 2, (size[1] - image.shape[1]) // 2
-    full[top : top + image.shape[0], left : left + image.shape[1]] = image[:, :, :3] * opaque + 255 * (1 - opaque)
-    return full
 
 
 def webp(image: NDArray[np.uint8]) -> bytes:
@@ -311,7 +264,7 @@ def off_screen(size: tuple[int, int]) -> Iterator[pyvista.Plotter]:
 
     Raises
     ------
-    InputError : there is no picture of this size
+    InputError : no picture can have this size
     StageError : the graphics library cannot draw here
     """
     sides = size if isinstance(size, tuple | list) and len(size) == 2 else [0]
@@ -341,31 +294,22 @@ def lateral_view(
     cut : leave out the half towards the viewer and colour elements by q; else draw the grey surface
     half_width, half_height : mm from the middle of the mesh to the edges of the picture
     width : pixels
-
-    Raises
-    ------
-    StageError : the graphics library cannot draw here
     """
-    towards = -1.0 if side == "L" else 1.0
+    towards = _towards(side)
     middle = (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2
-    shell = _section(mesh, towards, middle[0]) if cut else _surface(mesh)
-    look = {"scalars": "q", "cmap": COLOURS, "clim": RANGE, "above_color": BEYOND} if cut else {"color": "#D0D0D0"}
-    light = {"ambient": 0.6, "diffuse": 0.4} if cut else {"ambient": 0.15, "diffuse": 0.85, "smooth_shading": True}
-    with off_screen((width, round(width * half_height / half_width))) as plotter:
-        plotter.add_mesh(shell, show_scalar_bar=False, **look, **light)
-        _look_from(plotter.camera, middle, side, distance=10 * max(half_width, half_height), half_height=half_height)
+    if cut:
+        beyond = towards * (mesh.points[mesh.cells][:, :, 0].mean(axis=1) - middle[0]) < 0
+        shell, look = _skin(mesh, beyond), {**_BY_Q, "ambient": 0.6, "diffuse": 0.4}
+    else:
+        boundary, _ = boundary_surface(mesh)
+        shell, look = pyvista.PolyData.from_regular_faces(boundary.points, boundary.faces), _GREY
+    corners = middle + np.array([[0, -half_width, -half_height], [0, half_width, half_height]]) / MARGIN
+    shape = half_width / half_height
+    with off_screen((width, round(width / shape))) as plotter:
+        plotter.add_mesh(shell, show_scalar_bar=False, **look)
+        _aim(plotter.camera, corners, 0, towards, above=0, beside=0, width_to_height=shape)
         image: NDArray[np.uint8] = plotter.screenshot(None, return_img=True)
     return image
-
-
-def _look_from(
-    camera: pyvista.Camera, middle: FloatArray, side: Literal["L", "R"], *, distance: float, half_height: float
-) -> None:
-    """Look at `middle` along x from the left or the right of the head, in parallel projection."""
-    camera.position = middle + (-1.0 if side == "L" else 1.0) * distance * np.eye(3)[0]
-    camera.focal_point, camera.up = middle, (0, 0, 1)
-    camera.parallel_projection, camera.parallel_scale = True, half_height
-    camera.clipping_range = (0.1 * distance, 2 * distance)
 
 
 def _add_regions(plotter: pyvista.Plotter, shell: pyvista.PolyData, *, names: Mapping[int, str] | None = None) -> None:
@@ -374,7 +318,7 @@ def _add_regions(plotter: pyvista.Plotter, shell: pyvista.PolyData, *, names: Ma
     for one in np.unique(number).tolist():
         colour = REGION_COLOURS[(one - 1) % len(REGION_COLOURS)]
         label = {"label": names[one]} if names else {}
-        plotter.add_mesh(shell.extract_cells(number == one), color=colour, **label, **_REGION_LOOK)
+        plotter.add_mesh(shell.extract_cells(number == one), color=colour, **label, **_EDGES)
     if names:
         plotter.add_legend(bcolor=None, face="rectangle", loc="center left", size=(0.11, 0.1))
 
@@ -393,17 +337,6 @@ def _cut(mesh: TetMesh, k: int, position: float) -> pyvista.PolyData:
     """The outer faces of the elements below a plane across axis k, at a fraction of the mesh's extent."""
     along = mesh.points[:, k]
     return _skin(mesh, along[mesh.cells].mean(axis=1) < along.min() + position * np.ptp(along))
-
-
-def _surface(mesh: TetMesh) -> pyvista.PolyData:
-    boundary, _ = boundary_surface(mesh)
-    return pyvista.PolyData.from_regular_faces(boundary.points, boundary.faces)
-
-
-def _section(mesh: TetMesh, towards: float, x: float) -> pyvista.PolyData:
-    """The outer faces of the elements beyond a plane across x, with the q of their elements."""
-    beyond = towards * (mesh.points[mesh.cells][:, :, 0].mean(axis=1) - x) < 0
-    return _skin(mesh, beyond)
 
 
 def _skin(mesh: TetMesh, kept: NDArray[np.bool_]) -> pyvista.PolyData:
@@ -429,7 +362,7 @@ def _aim(
     beside: float = 0.4,
 ) -> None:
     """Look along an axis from the side `towards`, of a cut the open one, from above and beside; fill the picture."""
-    up, along = np.eye(3)[1 if across == 2 else 2], towards * np.eye(3)[across]
+    up, along = np.eye(3)[_up(across)], towards * np.eye(3)[across]
     view = along + above * up - beside * np.cross(up, along)
     view /= np.linalg.norm(view)
     right = np.cross(up, view) / np.linalg.norm(np.cross(up, view))

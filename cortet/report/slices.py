@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from cortet.formats.atomic import atomic_path
 from cortet.formats.volumes import Volume, to_scanner
 from cortet.geometry.voxels import in_voxels
 from cortet.meshes import REGION, CoordinateFrame, FloatArray, IntArray, TetMesh
-from cortet.report.colours import GREY, REGION_COLOURS
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from cortet.report.colours import GREY, REGION_COLOURS, VERMILION
 
 VERSION: int = 3
 
@@ -50,17 +53,13 @@ def slices(mesh: TetMesh, name: str, volume: Volume, path: str | Path, frame: Co
     path : PNG file
     frame : of the surface that the mesh was made from
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.collections import PolyCollection
-    from matplotlib.figure import Figure
-    from matplotlib.patches import Patch
-
-    from cortet.report import figures
+    from cortet.report.figures import letter  # the module loads pandas, which no job on a case needs
 
     points = to_scanner(mesh.points, frame or CoordinateFrame())
     labelled = volume.kind == "labels"
     keys = np.unique(mesh.cell_data[name]).tolist() if labelled else []
-    colours = _colours(keys)
+    labels = mesh.cell_data[name] if labelled else np.zeros(len(mesh.cells), int)
+    colours = _colours(keys) if labelled else {0: np.array(to_rgb(VERMILION))}
     low, high = points.min(axis=0) - _MARGIN, points.max(axis=0) + _MARGIN
     middle = (low + high) / 2
     widths = [(high - low)[right] / (high - low)[up] for _, right, up in PLANES.values()]
@@ -75,14 +74,13 @@ def slices(mesh: TetMesh, name: str, volume: Volume, path: str | Path, frame: Co
         else:
             axes.imshow(plane, extent=extent, origin="lower", interpolation="nearest", cmap="gray")
         for cell, ring in cut(points, mesh.cells, across, float(middle[across])):
-            label = mesh.cell_data[name][cell] if labelled else np.zeros(len(cell), int)
-            lines = [_darker(colours[key] if labelled else "#D55E00") for key in label.tolist()]
+            lines = [_DARK * colours[key] for key in labels[cell].tolist()]
             flat: Any = ring[:, :, [right, up]]
             axes.add_collection(PolyCollection(flat, facecolors="none", edgecolors=lines, linewidths=0.5))
         axes.set_title(f"{title}, {where(across, middle[across])}")
         axes.set(xlabel=_AXES[right], ylabel=_AXES[up])
         axes.set_facecolor("white" if labelled else "black")
-    figures.letter(figure.axes, size=14)
+    letter(figure.axes, size=14)
     shown = [Patch(color=colours[key], label=volume.names.get(key, str(key) if key else "no label")) for key in keys]
     if shown:
         figure.legend(handles=shown[:20], loc="outside lower center", ncols=10, frameon=False)
@@ -103,9 +101,6 @@ def middle_of(mesh: TetMesh, plane: str) -> float:
 
 def draw_section(axes: Axes, mesh: TetMesh, plane: str, position: float) -> None:
     """Draw the section of a mesh by a plane of `PLANES`: tetrahedra in the colours of their regions; axes in mm."""
-    from matplotlib.collections import PolyCollection
-    from matplotlib.colors import to_rgb
-
     across, right, up = PLANES[plane]
     region = np.asarray(mesh.cell_data.get(REGION, np.ones(len(mesh.cells))), int)
     fills = np.array([to_rgb(colour) for colour in (REGION_COLOURS if REGION in mesh.cell_data else [GREY])])
@@ -119,9 +114,6 @@ def draw_section(axes: Axes, mesh: TetMesh, plane: str, position: float) -> None
 
 def section(mesh: TetMesh, plane: str, position: float) -> NDArray[np.uint8]:
     """The picture of a section, as `draw_section` draws it: (height, width, 4)."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(_SECTION, _SECTION), dpi=_DPI, layout="constrained")
     canvas = FigureCanvasAgg(figure)
     draw_section(figure.subplots(), mesh, plane, position)
@@ -168,25 +160,18 @@ def _image(
     return found.reshape(grid.shape[:2])
 
 
-def _darker(colour: str) -> FloatArray:
-    from matplotlib.colors import to_rgb
-
-    return _DARK * np.array(to_rgb(colour))
-
-
-def _colours(keys: list[int]) -> dict[int, str]:
-    """The colour of each label; 0 is grey."""
+def _colours(keys: list[int]) -> dict[int, FloatArray]:
+    """The colour (3,) of each label; 0 is grey."""
     others = [key for key in keys if key]
-    return {0: "#999999"} | {key: REGION_COLOURS[i % len(REGION_COLOURS)] for i, key in enumerate(others)}
+    names = {0: "#999999"} | {key: REGION_COLOURS[i % len(REGION_COLOURS)] for i, key in enumerate(others)}
+    return {key: np.array(to_rgb(name)) for key, name in names.items()}
 
 
-def _painted(plane: NDArray[Any], colours: Mapping[int, str]) -> FloatArray:
+def _painted(plane: NDArray[Any], colours: Mapping[int, FloatArray]) -> FloatArray:
     """Labels as pale colours (rows, columns, 3); white without a label, light grey for labels that the mesh lacks."""
-    from matplotlib.colors import to_rgb
-
     result = np.full((*plane.shape, 3), 1.0)
     result[plane != 0] = 0.85
     for key, colour in colours.items():
         if key:
-            result[plane == key] = 1 - _PALE * (1 - np.array(to_rgb(colour)))
+            result[plane == key] = 1 - _PALE * (1 - colour)
     return result

@@ -1,21 +1,21 @@
-"""Values at the vertices of a surface, as a picture."""
+"""Values at the vertices of surfaces, as figures."""
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Colormap, Normalize
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from cortet.meshes import TriSurface
-from cortet.report.figures import PAGE, drawn, save
+from cortet.meshes import FloatArray, TriSurface
+from cortet.report.figures import PAGE, drawn, letter
 from cortet.report.pages import SIDES
-from cortet.report.render import surface_view
-
-VERSION: int = 1
+from cortet.report.render import reddest, surface_view
 
 #: percent of the vertices that the range of colours leaves out at either end
 _TAIL = 2.0
@@ -37,25 +37,46 @@ def map_view(
     size: tuple[int, int] = (450, 340),
 ) -> tuple[NDArray[np.uint8], ScalarMappable]:
     """A picture of values (v,) from one side, as `surface_view`, and its colours; NaN has the lowest."""
-    low, high = limits
-    of_faces = np.nan_to_num(values.astype(np.float64), nan=low)[surface.faces].mean(axis=1)
-    image = surface_view(surface, side=side, size=size, distances=of_faces, lowest=low, darkest=high, colours=colours)
-    return image, ScalarMappable(Normalize(low, high), colours)
+    of_faces = np.nan_to_num(values.astype(np.float64), nan=limits[0])[surface.faces].mean(axis=1)
+    image = surface_view(surface, side=side, size=size, values=of_faces, limits=limits, colours=colours)
+    return image, ScalarMappable(Normalize(*limits), colours)
 
 
-def draw_map(surface: TriSurface, values: NDArray[Any], name: str, path: Path) -> None:
-    """Write a picture (.png) of values (v,) from both sides, with a bar of their colours.
+def maps_figure(surface: TriSurface, maps: Mapping[str, NDArray[Any]]) -> Figure:
+    """Each map (v,) on a surface, from the left and the right of the head, with its own colours; keys are labels."""
+    with drawn(PAGE, 2.6 * len(maps)) as figure:
+        axes = figure.subplots(len(maps), len(SIDES), squeeze=False)
+        for row, (label, values) in zip(axes, maps.items(), strict=True):
+            limits = usual_range(values, 1.0)
+            for axis, (side, word) in zip(row, SIDES.items(), strict=True):
+                image, colours = map_view(surface, values, side, limits, size=(900, 675))
+                _show(axis, image, f"from the {word}")
+            figure.colorbar(colours, ax=row, shrink=0.6, extend="both", label=label)
+        if len(maps) > 1:
+            letter(axes[:, 0])
+    return figure
 
-    Raises
-    ------
-    StageError : the graphics library cannot draw here
+
+def before_and_after(before: TriSurface, after: TriSurface, distances: FloatArray) -> Figure:
+    """A surface from the left and the right of the head, and below it the changed surface.
+
+    Parameters
+    ----------
+    distances : (m,) mm, one per face of `after`, which are coloured from white at 0 to red at the largest
     """
-    with drawn(PAGE, 2.4) as figure:
-        axes = figure.subplots(1, len(SIDES))
-        for axis, (side, word) in zip(axes, SIDES.items(), strict=True):
-            image, colours = map_view(surface, values, side, usual_range(values))
-            axis.imshow(image, interpolation="antialiased")
-            axis.set_axis_off()
-            axis.set_title(word)
-        figure.colorbar(colours, ax=axes, shrink=0.8, label=name)
-    save(figure, path)
+    limits = (0.0, reddest(distances))
+    with drawn(PAGE, 5.2) as figure:
+        axes = figure.subplots(2, len(SIDES))
+        for (above, below), (side, word) in zip(axes.T, SIDES.items(), strict=True):
+            _show(above, surface_view(before, side=side), f"before, from the {word}")
+            after_view = surface_view(after, side=side, values=distances, limits=limits, colours="Reds")
+            _show(below, after_view, f"after, from the {word}")
+        colours = ScalarMappable(Normalize(*limits), "Reds")
+        figure.colorbar(colours, ax=axes, shrink=0.4, label="distance to the surface before (mm)")
+    return figure
+
+
+def _show(axis: Axes, image: NDArray[np.uint8], title: str) -> None:
+    axis.imshow(image, interpolation="antialiased")
+    axis.set_axis_off()
+    axis.set_title(title)

@@ -21,8 +21,8 @@ VERSION: int = 6
 
 #: what LaTeX prints only in mathematical mode
 _MATHEMATICAL = {"<": "$<$", ">": "$>$", "±": r"$\pm$", "²": "$^2$"}
-#: symbols of quantities in headings, which print has in italics, and their index
-_SYMBOL = re.compile(r"\b([hJnqr])(?:_(max))?\b")
+#: symbols of quantities in headings, which print has in italics, and their index; LaTeX escapes what is before it
+_SYMBOL = re.compile(r"\b([hJnqr])(?:\\?_(max))?\b")
 #: LaTeX of a column of sentences, and the longest text that stands in one line of it, characters
 _SENTENCES, _LINE = "p{2.4cm}", 30
 #: a cell that holds a number, alone or with its spread, or a range
@@ -120,7 +120,7 @@ def _latex(table: Table, texts: pd.DataFrame, starts: Sequence[int]) -> str:
     """LaTeX in letters of 7 points, as figures have, so that the tables of the paper fit both columns of a journal."""
     style = Styler(texts).hide(axis="index")
     kinds = [_alignment(texts.iloc[:, place]) for place in range(len(texts.columns))]
-    style.format(_mathematical, escape="latex").format_index(_heading, axis="columns")
+    style.format(_mathematical, escape="latex").format_index(_heading, axis="columns", escape="latex")
     for place in (place for place, kind in enumerate(kinds) if kind == _SENTENCES):
         ragged = {texts.columns[place]: lambda text: rf"\raggedright {_mathematical(text)}"}
         style.format(ragged, subset=[texts.columns[place]], escape="latex")
@@ -150,17 +150,10 @@ def _mathematical(text: str) -> str:
 
 
 def _heading(text: str) -> str:
-    """A heading for LaTeX, with its symbols in mathematical mode."""
-    parts, end = [], 0
-    for found in _SYMBOL.finditer(text):
-        index = rf"_\mathrm{{{found[2]}}}" if found[2] else ""
-        parts += [_mathematical(_escape(text[end : found.start()])), f"${found[1]}{index}$"]
-        end = found.end()
-    return "".join([*parts, _mathematical(_escape(text[end:]))])
-
-
-def _escape(text: str) -> str:
-    return re.sub(r"([&%$#_{}])", r"\\\1", text)
+    """A heading escaped for LaTeX, with its symbols in mathematical mode."""
+    return _SYMBOL.sub(
+        lambda found: f"${found[1]}" + (rf"_\mathrm{{{found[2]}}}" if found[2] else "") + "$", _mathematical(text)
+    )
 
 
 def _of_numbers(texts: pd.Series[str]) -> bool:

@@ -82,7 +82,7 @@ def onto_common(surface: TriSurface, sphere: Path, common: TriSurface) -> Weight
     own = read_surface(sphere)
     if not same_triangles(own, surface):
         raise InputError(
-            f"the sphere has {len(own.points):,} vertices, the surface {len(surface.points):,}, or their triangles differ",
+            f"the sphere has {len(own.points):,} vertices, the surface {len(surface.points):,}, or triangles differ",
             file=sphere,
             remedy="give the registered sphere of this surface",
         )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import os
 import shutil
 import zipfile
@@ -74,8 +73,7 @@ def test_every_stage_is_measured_in_each_setting_on_the_meshes_of_its_mesher(com
 def test_settings_share_the_mesh_of_s1_and_differ_from_s3_on(compared: Study) -> None:
     assert len(compared.files("*res-4000um_desc-cgalGenerated_tetmesh.vtu")) == 2
     assert len(compared.files("*res-4000um_desc-cgalPublishedCleaned_tetmesh.vtu")) == 2
-    measured = ablation(compared)
-    ours, theirs = (measured["cgal", setting, "S1-S4"] for setting in SETTINGS)
+    ours, theirs = (ablation(compared)["cgal", setting, "S1-S4"] for setting in SETTINGS)
     assert ours["tets_total"] == theirs["tets_total"]
     assert ours["q_mean_mean"] != theirs["q_mean_mean"]
 
@@ -84,8 +82,6 @@ def test_a_mesher_that_is_not_installed_is_a_row_that_says_so(compared: Study) -
     row = ablation(compared)["netgen", "n/a", "S1-S2"]
     assert (row["meshes"], row["failed"], row["q_max_median"]) == ("0", "2", "n/a")
     assert "No module named 'netgen'" in row["remarks"]
-    (report, _) = compared.files("*netgenGenerated_tetmesh.json")
-    assert "failure" in json.loads(report.read_text())
 
 
 def test_the_number_of_elements_falls_with_the_cell_size(compared: Study) -> None:
@@ -98,26 +94,19 @@ def test_the_number_of_elements_falls_with_the_cell_size(compared: Study) -> Non
     assert all(-4 < float(row["exponent"]) < -2 for row in ours)
 
 
-def test_the_report_holds_every_table_and_figure(compared: Study) -> None:
-    with zipfile.ZipFile(compared.folder / REPORT) as archive:
-        names = {Path(name).name for name in archive.namelist()}
-    assert {
-        "report.html",
-        *("figure-cohort.svg", "figure-pooled-quality_res-4000um.svg", "figure-series.svg"),
-        "cohort_quality.html",
-    } <= names
-
-
-def test_figures_and_tables_are_written_in_every_form(compared: Study) -> None:
-    for figure in ("figure-cohort", "figure-pooled-quality_res-4000um", "figure-series"):
+def test_figures_and_tables_are_written_in_every_form_and_shown_in_the_report(compared: Study) -> None:
+    figures = ("figure-cohort", "figure-pooled-quality_res-4000um", "figure-series")
+    for figure in figures:
         assert {path.suffix for path in compared.files(f"{figure}.*")} == {".svg", ".pdf", ".png"}
     for table in ("table-ablation", "table-resolution", "table-measures"):
         assert {path.suffix for path in compared.files(f"{table}.*")} == {".tsv", ".json", ".tex", ".md"}
+    with zipfile.ZipFile(compared.folder / REPORT) as archive:
+        names = {Path(name).name for name in archive.namelist()}
+    assert {"report.html", "cohort_quality.html", *(f"{figure}.svg" for figure in figures)} <= names
 
 
 def test_nothing_of_the_experiments_is_part_of_all(finished: Study) -> None:
-    assert not finished.files("*Published*")
-    assert not finished.files("table-*")
+    assert not finished.files("*Published*") and not finished.files("table-*")
 
 
 def test_a_second_run_does_nothing_and_a_new_row_runs_its_case_and_the_tables(study: Study) -> None:

@@ -11,7 +11,7 @@ from shapes import ball_mesh
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.quality import quality
 from cortet.meshes import TetMesh
-from cortet.report.boundary_view import boundary_view, colour_scale, three_js
+from cortet.report.boundary_view import boundary_view
 
 
 def unpacked(view: dict) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -28,20 +28,17 @@ def dented(mesh: TetMesh) -> TetMesh:
     return TetMesh(points, mesh.cells)
 
 
-def test_a_view_gives_the_boundary_back_to_a_micrometre() -> None:
+def test_a_view_gives_the_boundary_back_and_the_worst_q_of_the_elements_at_each_vertex() -> None:
     mesh = ball_mesh(2, radius=20.0)
-    boundary, _ = boundary_surface(mesh)
-    points, faces, _ = unpacked(boundary_view(mesh, []))
+    boundary, nodes = boundary_surface(mesh)
+    view = boundary_view(mesh, [{"q": 0.5, "centre_mm": (1.0, 2.0, 3.0), "reason": "x"}])
+    points, faces, q = unpacked(view)
     np.testing.assert_allclose(points, boundary.points, atol=1e-3)
     np.testing.assert_array_equal(faces, boundary.faces)
-
-
-def test_a_vertex_has_the_worst_q_of_the_elements_at_it() -> None:
-    mesh = ball_mesh(2, radius=20.0)
-    _, nodes = boundary_surface(mesh)
-    _, _, q = unpacked(boundary_view(mesh, []))
     worst = [quality(mesh.points, mesh.cells[(mesh.cells == node).any(axis=1)]).max() for node in nodes]
     np.testing.assert_allclose(q, worst, atol=1e-4)
+    assert view["worst"] == [{"q": 0.5, "centre": [1.0, 2.0, 3.0]}]
+    assert view["colours"][0] == [253, 231, 37] and view["colours"][-1] == [68, 1, 84]  # viridis, from its end
 
 
 def test_a_fine_boundary_is_simplified_and_keeps_its_worst_q() -> None:
@@ -54,19 +51,3 @@ def test_a_fine_boundary_is_simplified_and_keeps_its_worst_q() -> None:
     assert q.max() == pytest.approx(quality(mesh.points, mesh.cells[at_boundary]).max(), abs=1e-4)
     dent = boundary.points[0]
     assert np.linalg.norm(points[q.argmax()] - dent) < 6  # mm, the length of an edge of what is left
-
-
-def test_worst_elements_are_marked() -> None:
-    view = boundary_view(ball_mesh(2), [{"q": 0.5, "centre_mm": (1.0, 2.0, 3.0), "reason": "x"}])
-    assert view["worst"] == [{"q": 0.5, "centre": [1.0, 2.0, 3.0]}]
-
-
-def test_the_colours_are_those_of_the_pictures() -> None:
-    stops = colour_scale()["colours"]
-    assert stops[0] == [253, 231, 37] and stops[-1] == [68, 1, 84]  # viridis, from its end
-
-
-def test_three_js_comes_with_its_controls_and_its_licence() -> None:
-    library = three_js()
-    assert "Three.js Authors" in library[:200] and "MIT" in library[:200]
-    assert "TrackballControls" in library and "</script" not in library

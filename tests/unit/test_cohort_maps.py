@@ -13,7 +13,6 @@ from shapes import ball_mesh, ball_surface
 from cortet.errors import InputError
 from cortet.formats.gifti import read_fields, read_surface, write_surface
 from cortet.geometry.nesting import nested
-from cortet.geometry.topology import boundary_surface
 from cortet.meshes import TriSurface
 from cortet.report.cohort_maps import DISTANCE, case_map, mean_map, write_maps
 
@@ -26,16 +25,13 @@ def ball(radius: float) -> TriSurface:
 
 
 def test_a_case_has_its_fields_thickness_and_distance_at_the_vertices_of_the_common_mesh() -> None:
-    surface = ball(21.0)
-    inner = ball_surface(3, radius=19.5)
-    mesh = ball_mesh(2, radius=20.0)
-    found = case_map(ball_surface(3, radius=21.0), nested(surface, {"white": inner}), mesh)
+    surface, mesh = ball(21.0), ball_mesh(2, radius=20.0)
+    found = case_map(ball_surface(3, radius=21.0), nested(surface, {"white": ball_surface(3, radius=19.5)}), mesh)
     assert np.array_equal(found.points, surface.points)
     assert found.point_data["thickness"] == pytest.approx(1.5)
     assert found.point_data["height"] == pytest.approx(surface.points[:, 2])
-    nodes = boundary_surface(mesh)[0]
     assert found.point_data[DISTANCE].min() == pytest.approx(1.0, abs=0.02), "where nodes are"
-    assert 1.0 < found.point_data[DISTANCE].mean() < 1.3 and len(nodes.points) < len(found.points)
+    assert 1.0 < found.point_data[DISTANCE].mean() < 1.3
 
 
 def test_other_triangles_are_looked_up_at_the_nearest_point() -> None:
@@ -47,39 +43,32 @@ def test_other_triangles_are_looked_up_at_the_nearest_point() -> None:
 
 
 def test_means_are_of_the_cases_that_have_a_field_and_labels_are_the_most_frequent() -> None:
-    cases = [ball(10.0), ball(20.0), ball(30.0)]
-    flipped = {**cases[0].point_data, "lobe": 1 - cases[0].point_data["lobe"]}
-    cases[0] = replace(cases[0], point_data=flipped)
-    cases[2] = replace(cases[2], point_data={"lobe": cases[2].point_data["lobe"]})
-    mean, counts = mean_map(cases)
+    first, second, third = (ball(radius) for radius in (10.0, 20.0, 30.0))
+    first = replace(first, point_data={**first.point_data, "lobe": 1 - first.point_data["lobe"]})
+    third = replace(third, point_data={"lobe": third.point_data["lobe"]})
+    mean, counts = mean_map([first, second, third])
     assert counts == {"height": 2, "lobe": 3}
     assert np.linalg.norm(mean.points, axis=1) == pytest.approx(20.0)
     assert mean.point_data["height"] == pytest.approx(ball(15.0).point_data["height"])
     assert np.array_equal(mean.point_data["lobe"], ball(1.0).point_data["lobe"])
-
-
-def test_no_case_and_several_common_meshes_are_refused() -> None:
-    with pytest.raises(InputError, match="no case on the common mesh is done"):
+    with pytest.raises(InputError, match="no case"):
         mean_map([])
     with pytest.raises(InputError, match="several common meshes"):
         mean_map([ball(10.0), ball_surface(2)])
 
 
-def test_files_and_picture_are_written(tmp_path: Path) -> None:
-    files = []
-    for name, radius in (("sub-1_hemi-L", 20.0), ("sub-2_hemi-L", 24.0)):
-        files.append((name, str(tmp_path / f"{name}.surf.gii")))
-        write_surface(ball(radius), files[-1][1])
+def test_files_and_picture_are_written_alike_every_time(tmp_path: Path) -> None:
+    files = {"sub-1_hemi-L": 20.0, "sub-2_hemi-L": 24.0}
+    for name, radius in files.items():
+        write_surface(ball(radius), tmp_path / name)
     out = [tmp_path / name for name in ("mean.surf.gii", "maps.shape.gii", "maps.json", "figure.png")]
-    write_maps(files, *out)
+    cases = [(name, str(tmp_path / name)) for name in files]
+    write_maps(cases, *out)
     assert not read_surface(out[0]).point_data and len(read_surface(out[0]).points) == 642
-    fields = read_fields(out[1])
-    assert (
-        fields["height"] == pytest.approx(ball(22.0).point_data["height"], rel=1e-6)
-        and fields["lobe"].dtype == np.int32
-    )
-    sidecar = json.loads(out[2].read_text())
-    assert sidecar["Cases"] == ["sub-1_hemi-L", "sub-2_hemi-L"] and sidecar["CasesOfMap"] == {"height": 2, "lobe": 2}
+    fields, sidecar = read_fields(out[1]), json.loads(out[2].read_text())
+    assert fields["height"] == pytest.approx(ball(22.0).point_data["height"], rel=1e-6)
+    assert fields["lobe"].dtype == np.int32
+    assert sidecar["Cases"] == list(files) and sidecar["CasesOfMap"] == {"height": 2, "lobe": 2}
     before = out[3].read_bytes()
-    write_maps(files, *out)
+    write_maps(cases, *out)
     assert out[3].read_bytes() == before and before[:4] == b"\x89PNG"

@@ -49,29 +49,20 @@ def test_every_mesh_is_checked_by_the_same_limits(
     assert text.count('class="wrong"') >= 1 and "ball.surf.gii" in text
 
 
-def test_files_of_the_same_name_are_told_apart_and_no_file_is_given_twice(
+def test_meshes_are_told_apart_by_name_and_by_content(
     files: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "other").mkdir()
-    twin = tmp_path / "other/exact.vtu"
-    twin.write_bytes(Path(files[0]).read_bytes())
-    rest = ["--surface", files[2], "-o", str(tmp_path / "page.html")]
+    twin, limit = tmp_path / "other/exact.vtu", tmp_path / "limit.vtu"
+    for copy in (twin, limit):
+        copy.write_bytes(Path(files[0]).read_bytes())
+    page = tmp_path / "page.html"
+    rest = ["--surface", files[2], "-o", str(page), "--force"]
     assert main(["compare", files[0], str(twin), *rest]) == 0
     assert f"{files[0]}: " in capsys.readouterr().out
-    assert main(["compare", files[0], files[0], *rest, "--force"]) == 1
-    assert "a mesh is given twice (name each file once)" in capsys.readouterr().err
-
-
-def test_a_mesh_may_be_called_as_a_column_of_the_page_is(files: list[str], tmp_path: Path) -> None:
-    twin = tmp_path / "limit.vtu"
-    twin.write_bytes(Path(files[0]).read_bytes())
-    page = tmp_path / "page.html"
-    assert main(["compare", files[0], str(twin), "--surface", files[2], "-o", str(page)]) == 0
-    assert page.read_text().count(">exactly 0</td>") >= 1 and '<th scope="col" class="n">limit</th>' in page.read_text()
-
-
-def test_a_surface_is_no_mesh(files: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    page = tmp_path / "page.html"
-    assert main(["compare", files[0], files[2], "--surface", files[2], "-o", str(page)]) == 1
-    assert "holds a surface, not a mesh" in capsys.readouterr().err
-    assert not page.exists()
+    assert main(["compare", files[0], str(limit), *rest]) == 0
+    assert '<th scope="col" class="n">limit</th>' in page.read_text(), "it is called as a column of the page is"
+    assert main(["compare", files[0], files[0], *rest]) == 1
+    assert "given twice" in capsys.readouterr().err
+    assert main(["compare", files[0], files[2], *rest]) == 1
+    assert "holds a surface" in capsys.readouterr().err

@@ -1,22 +1,27 @@
-"""The methods paragraph says what was run, on how many, and what was left out."""
+"""The methods paragraph says what was run, on how many, what was left out, and cites what the run used."""
 
 from __future__ import annotations
 
 import copy
 import json
+import re
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from cubes import cube_mesh
+from shapes import ball_surface
 
 from cortet.cohort.sheet import Case
 from cortet.config import load
 from cortet.config.sections import Certify
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import certify
-from cortet.report.methods import methods_text, write_methods
+from cortet.meshes import TriSurface
+from cortet.pipeline import mesh_surface
+from cortet.report.methods import cited, methods_text, write_citation, write_methods
 from cortet.stages import record_of
 
 CASES = [
@@ -25,6 +30,7 @@ CASES = [
     Case("02", None, None, 30.0, "phantom"),
     Case("03", None, "L", None, Path("c.surf.gii"), include=False, exclude_reason="motion"),
 ]
+BALL = ball_surface(3, 12.0)
 
 
 def certificate(case: Case, setting: str = "cgal", **limits: Any) -> dict[str, Any]:
@@ -45,66 +51,58 @@ def certificate(case: Case, setting: str = "cgal", **limits: Any) -> dict[str, A
 
 
 @pytest.fixture(scope="module")
-def records() -> list[dict[str, Any]]:
+def made() -> list[dict[str, Any]]:
     return [certificate(case) for case in CASES[:3]]
 
 
-def test_it_counts_surfaces_participants_and_hemispheres(records: list[dict[str, Any]]) -> None:
-    text = methods_text(records, CASES, {})
+@pytest.fixture
+def records(made: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Contents of certificates that a test may change."""
+    return copy.deepcopy(made)
+
+
+def meshed(setting: str, surface: TriSurface = BALL, **options: Any) -> dict[str, Any]:
+    """The certificate of a real mesh, which names every library that is installed here."""
+    config = load({"setting": setting, "generate": {"cell_size": 4.0}, "resample": {"subdivisions": 3}})
+    return asdict(mesh_surface(surface, config, **options).certificate)
+
+
+def test_it_counts_surfaces_and_names_what_was_left_out(records: list[dict[str, Any]]) -> None:
+    text = methods_text(records, CASES, {"sub-02": "derivatives/cortet/sub-02/b.vtu: is not closed"})
     assert "3 closed cortical surfaces (1 of them synthetic) of 2 participants" in text
-    assert "(1 left hemisphere, 1 right hemisphere, 1 whole brain; gestational age at scan 22.5-30 weeks)" in text
+    assert "1 left hemisphere, 1 right hemisphere, 1 whole brain; gestational age at scan 22.5-30 weeks" in text
+    assert "sub-03_hemi-L (motion)" in text and "sub-02 (b.vtu: is not closed)" in text
+    assert "No surface was excluded." in methods_text(records, CASES[:3], {})
 
 
 def test_it_tells_of_ages_that_are_not_known(records: list[dict[str, Any]]) -> None:
-    ageless = [replace(case, scan_age=None) for case in CASES[:3]]
-    unsmoothed = copy.deepcopy(records)
-    for record in unsmoothed:
-        del record["parameters"]["smooth_surface"]
+    ageless, unsmoothed = [replace(case, scan_age=None) for case in CASES[:3]], copy.deepcopy(records)
+    for one in unsmoothed:
+        del one["parameters"]["smooth_surface"]
     text = methods_text(unsmoothed, ageless, {})
-    assert "1 whole brain; age at scan not known)" in text and "smoothed" not in text
-    for record in records:
-        record["parameters"]["smooth_surface"]["method"] = "published"
+    assert "age at scan not known" in text and "smoothed" not in text
+    for one in records:
+        one["parameters"]["smooth_surface"]["method"] = "published"
     text = methods_text([unsmoothed[0], *records[1:]], [ageless[0], *CASES[1:]], {})
-    assert "gestational age at scan 22.5-30 weeks, of 1 of them not known)" in text
-    assert "Surfaces of known age were smoothed by age" in text
-
-
-def test_it_names_what_was_left_out_and_why(records: list[dict[str, Any]]) -> None:
-    text = methods_text(records, CASES, {"sub-02": "open surface"})
-    assert "1 surface had been excluded: sub-03_hemi-L (motion)." in text
-    assert "1 surface could not be meshed: sub-02 (open surface)." in text
-    assert "No surface was excluded." in methods_text(records, CASES[:3], {})
-    text = methods_text(records, CASES, {"sub-02": "derivatives/cortet/sub-02/b.vtu: is not closed"})
-    assert "sub-02 (b.vtu: is not closed)" in text
+    assert "22.5-30 weeks, of 1 of them not known" in text and "Surfaces of known age were smoothed by age" in text
 
 
 def test_it_gives_the_parameters_of_each_stage_that_ran(records: list[dict[str, Any]]) -> None:
     text = methods_text(records, CASES, {})
-    assert "cell size h = 0.6 mm by CGAL Mesh_3 through pygalmesh" in text
-    assert "facet angle 25 degrees, facet distance 0.5, 0.2, 0.1, 0.05 h" in text
-    assert "5 passes of Gmsh's Relocate3D (boundary nodes fixed)" in text
-    assert "q > 0.7, 0.5, 0.3" in text and "local swaps" in text
+    for part in ("h = 0.6 mm", "facet distance 0.5, 0.2, 0.1, 0.05 h", "boundary nodes fixed", "q > 0.7, 0.5, 0.3"):
+        assert part in text
+    assert "repaired" not in text and "fallback" not in text
     published = methods_text([certificate(CASES[0], "published")], CASES, {})
-    assert "Relocate3D (boundary nodes free)" in published
-    assert "swaps" not in published and "sweeps" not in published
+    assert "boundary nodes free" in published and "swaps" not in published
 
 
-def test_repaired_surfaces_are_told(records: list[dict[str, Any]]) -> None:
-    repaired = copy.deepcopy(records[0])
-    repaired["reports"]["repair"] = {
-        "repaired": True,
-        "steps": [{"done": "holes filled", "count": 1200, "of": "faces"}],
-    }
-    text = methods_text([repaired, *records[1:]], CASES, {})
-    assert f"Of these surfaces, 1 had been repaired: {repaired['case']} (holes filled: 1,200 faces)." in text
-    assert "repaired" not in methods_text(records, CASES, {})
-
-
-def test_the_fallback_is_told(records: list[dict[str, Any]]) -> None:
-    fallback = copy.deepcopy(records[0])
-    fallback["reports"]["generate"]["backend"] = "tetgen"
-    text = methods_text([fallback, *records[1:]], CASES, {})
-    assert "2 meshes) and the fallback lattice, where CGAL's boundary had another topology (1)." in text
+def test_it_tells_of_repaired_surfaces_and_of_the_fallback(records: list[dict[str, Any]]) -> None:
+    step = {"done": "holes filled", "count": 1200, "of": "faces"}
+    records[0]["reports"]["repair"] = {"repaired": True, "steps": [step]}
+    records[0]["reports"]["generate"]["backend"] = "tetgen"
+    text = methods_text(records, CASES, {})
+    assert f"1 had been repaired: {records[0]['case']} (holes filled: 1,200 faces)" in text
+    assert "the fallback lattice, where CGAL's boundary had another topology (1)" in text
 
 
 def test_it_gives_the_outcome_and_the_versions(records: list[dict[str, Any]]) -> None:
@@ -115,8 +113,23 @@ def test_it_gives_the_outcome_and_the_versions(records: list[dict[str, Any]]) ->
     assert "use a smaller" not in text and "TetGen" not in text  # no advice, and no program that was not used
 
 
-def test_it_is_written_from_certificate_files(records: list[dict[str, Any]], tmp_path: Path) -> None:
-    (tmp_path / "c.json").write_text(json.dumps(records[0]))
-    write_methods([str(tmp_path / "c.json")], CASES, {}, tmp_path / "methods.md")
-    assert (tmp_path / "methods.md").read_text().startswith("Tetrahedral meshes were made of 1 closed")
-    assert "\n1. The authors of CORTET" in (tmp_path / "methods.md").read_text()
+def test_what_was_used_is_cited_and_nothing_that_is_only_installed() -> None:
+    cgal, default = meshed("cgal"), meshed("default")
+    assert cited([cgal, default]) == ["cortet", "cortetsoftware", "tetgen", "cgal", "gmsh", "numpy", "scipy", "numba"]
+    assert {"gmsh", "pymeshlab"} <= default["versions"].keys()
+    assert not {"gmsh", "pymeshlab", "cgal", "workbench"} & {*cited([default])}
+    assert "workbench" in cited([meshed("default", sphere=BALL)])
+    noise = np.random.default_rng(0).normal(1, 0.01, (len(BALL.points), 1))
+    smoothed = meshed("default", TriSurface(BALL.points * noise, BALL.faces), gestational_age=24.0)
+    assert {"pymeshlab", "taubin"} <= {*cited([smoothed])}
+
+
+def test_every_reference_of_the_files_is_an_entry(records: list[dict[str, Any]], tmp_path: Path) -> None:
+    paragraph, (cites, entries, methods) = "Of 2 meshes, √2.", (tmp_path / name for name in ("c.md", "c.bib", "m.md"))
+    write_citation(paragraph, records, str(cites), str(entries))
+    write_methods(paragraph, records, methods)
+    keys = re.findall(r"^@\w+\{(\w+),$", entries.read_text(), flags=re.MULTILINE)
+    assert keys == cited(records) == re.findall(r"@(\w+)", cites.read_text())
+    assert entries.read_text().count("{") == entries.read_text().count("}")
+    assert cites.read_text().startswith(paragraph) and methods.read_text().startswith(paragraph)
+    assert len(re.findall(r"^\d+\. ", methods.read_text(), flags=re.MULTILINE)) == len(keys)

@@ -30,7 +30,7 @@ from cortet.meshes import REGION, MeshSets, TetMesh, TriSurface, single_precisio
 from cortet.optimise.backing_off import back_off
 from cortet.phantoms import inset, phantom
 from cortet.pipeline import Meshed, mesh_surface
-from cortet.report.case_page import write_case_page
+from cortet.report.case_page import Checked, write_case_page
 from cortet.solver_files.export import export
 from cortet.solver_files.sets import named_sets
 from cortet.stages.clean import clean
@@ -404,7 +404,7 @@ def test_a_phantom_pair_is_separate_and_one_too_folded_is_refused():
 
 def test_the_page_shows_regions_and_thin_places(pair, meshed, tmp_path):
     certificate = asdict(meshed.certificate)
-    write_case_page(meshed.mesh, pair, certificate, tmp_path / "a.html", meshed=meshed.surface)
+    write_case_page(Checked(meshed.mesh, pair, meshed.surface, certificate), tmp_path / "a.html")
     page = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "cortex orange, white blue" in page and "Coronal, y = " in page and "Inner surface white, left" in page
     assert "Thinnest places of cortex around white" in page and "4.0" in page

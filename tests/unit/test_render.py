@@ -1,4 +1,4 @@
-"""A picture is drawn without a display and shows the cut mesh in the colours of its q."""
+"""Pictures are drawn without a display and show meshes, sections and maps in their colours, with a scale bar."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ import pytest
 from cubes import cube_mesh
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from shapes import ball_surface
 
 from cortet.errors import InputError
-from cortet.meshes import REGION, TetMesh
+from cortet.meshes import REGION, TetMesh, TriSurface
 from cortet.report.colours import GREY, REGION_COLOURS
-from cortet.report.render import _aim, _bar, _cut, _directions, off_screen, picture
+from cortet.report.render import _aim, _bar, _directions, off_screen, picture, surface_view
 from cortet.report.slices import draw_section, middle_of, section
+from cortet.report.surface_maps import before_and_after, maps_figure
 
 
 @pytest.fixture(autouse=True)
@@ -36,39 +38,27 @@ def orange(image: np.ndarray) -> int:
     return int(((red > 1.8 * green) & (red > 3 * blue) & (red > 60)).sum())
 
 
-def test_a_cut_mesh_fills_the_picture(tmp_path: Path) -> None:
-    picture(cube_mesh(4, side=10.0), tmp_path / "a.png", size=(400, 300))
-    image = pixels(tmp_path / "a.png")
-    drawn = (image < 250).any(axis=2)
-    assert image.shape == (300, 300, 3)
-    assert drawn.any(axis=1).mean() > 0.9  # from top to bottom
-    assert drawn[150].sum() > 150
-    assert not drawn[0].any()
-
-
-def test_elements_beyond_the_limit_stand_out(tmp_path: Path) -> None:
+def test_a_cut_mesh_fills_the_picture_and_elements_beyond_the_limit_stand_out(tmp_path: Path) -> None:
     good = cube_mesh(4, side=10.0)
-    picture(good, tmp_path / "good.png", size=(400, 300))
-    flat = TetMesh(good.points * [1, 1, 0.2], good.cells)
-    picture(flat, tmp_path / "flat.png", size=(400, 300))
-    assert orange(pixels(tmp_path / "good.png")) == 0
-    assert orange(pixels(tmp_path / "flat.png")) > 1000
+    for mesh, is_bad in ((good, False), (TetMesh(good.points * [1, 1, 0.2], good.cells), True)):
+        picture(mesh, tmp_path / "a.png", size=(400, 300))
+        image = pixels(tmp_path / "a.png")
+        assert (orange(image) > 1000) is is_bad
+        drawn = (image < 250).any(axis=2)
+        assert image.shape == (300, 300, 3) and not drawn[0].any()
+        assert is_bad or (drawn.any(axis=1).mean() > 0.9 and drawn[150].sum() > 150), "from top to bottom"
 
 
-def test_the_cut_can_lie_anywhere_along_any_axis(tmp_path: Path) -> None:
-    mesh = cube_mesh(4, side=10.0)
-    drawn = []
+def test_the_cut_can_lie_anywhere_along_any_axis_and_its_plane_is_named(tmp_path: Path) -> None:
+    words = []
     for axis in ("x", "y", "z"):
-        picture(mesh, tmp_path / "a.png", axis=axis, position=0.3, size=(200, 150))
-        drawn.append(pixels(tmp_path / "a.png"))
-    assert all((image < 250).any() for image in drawn)
-
-
-def test_the_plane_of_the_cut_is_named(tmp_path: Path) -> None:
-    for name, axis in (("x", "x"), ("y", "y")):
-        picture(cube_mesh(2, side=10.0), tmp_path / f"{name}.png", axis=axis, size=(400, 300))  # type: ignore[arg-type]
-    x, y = (pixels(tmp_path / f"{name}.png")[-30:].astype(int) for name in "xy")
-    assert x.min() < 200 and (x != y).any()  # "cut at x = ", "cut at y = "
+        picture(cube_mesh(4, side=10.0), tmp_path / "a.png", axis=axis, position=0.3, size=(400, 300))
+        image = pixels(tmp_path / "a.png").astype(int)
+        assert (image[:200] < 250).any()
+        words.append(image[-30:])
+    assert words[0].min() < 200 and (words[0] != words[1]).any()  # "cut at x = ", "cut at y = "
+    with pytest.raises(InputError, match="pixels"):
+        picture(cube_mesh(2), tmp_path / "b.png", size=(0, 300))
 
 
 def test_a_side_shows_the_mesh_from_there(tmp_path: Path) -> None:
@@ -95,16 +85,15 @@ def test_regions_have_their_colours_and_a_mesh_without_any_is_refused(tmp_path: 
     assert min(orange, blue) > 10_000
 
 
-def test_a_cut_has_a_scale_bar_in_its_plane_and_says_where_anterior_is() -> None:
-    mesh = cube_mesh(4, side=50.0)
-    shell = _cut(mesh, 1, 0.5)
-    bar = _bar(np.asarray(shell.points), 1, 1)
+def test_a_picture_has_a_scale_bar_before_it_and_says_where_anterior_is() -> None:
+    points = cube_mesh(4, side=50.0).points
+    bar = _bar(points, 1, 1)
     assert np.abs(bar[1] - bar[0]).tolist() == [10, 0, 0]
-    assert bar[0, 1] == np.asarray(shell.points)[:, 1].max() and bar[0, 2] < 0
+    assert bar[0, 1] == points[:, 1].max() and bar[0, 2] < 0
     with off_screen((200, 150)) as plotter:
-        _aim(plotter.camera, mesh.points, 1, width_to_height=1)
+        _aim(plotter.camera, points, 1, width_to_height=1)
         assert _directions(plotter.camera) == ["anterior towards you", "superior up", "left on the right"]
-        _aim(plotter.camera, mesh.points, 0, -1, width_to_height=1, above=0, beside=0)
+        _aim(plotter.camera, points, 0, -1, width_to_height=1, above=0, beside=0)
         assert _directions(plotter.camera)[0] == "anterior on the left"
 
 
@@ -125,3 +114,23 @@ def test_a_section_has_the_colours_of_its_regions_the_area_of_the_cut_and_axes_t
 def _area(ring: np.ndarray) -> float:
     x, y = ring.T
     return abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1))) / 2
+
+
+def test_open_edges_of_a_surface_are_orange() -> None:
+    ball = ball_surface(3)
+    opened = TriSurface(ball.points, ball.faces[ball.points[ball.faces, 0].mean(axis=1) > -0.7])
+    whole, torn = (surface_view(one, side="L", size=(300, 225)) for one in (ball, opened))
+    assert orange(whole) == 0 < orange(torn)
+
+
+def test_maps_have_their_own_colours_and_a_repair_is_shown_before_and_after() -> None:
+    ball = ball_surface(3)
+    figure = maps_figure(ball, {"height": ball.points[:, 2], "side": ball.points[:, 0]})
+    bars = [axis.get_ylabel() for axis in figure.axes if not axis.images]
+    assert bars == ["height", "side"] and len(figure.axes) == 2 * 3
+    left, right = (np.asarray(axis.images[0].get_array()).astype(int) for axis in figure.axes[2:4])
+    assert np.ptp(left[..., :3], axis=2).max() > 50 and (left != right).any()
+
+    after = before_and_after(ball, ball, np.abs(ball.points[ball.faces, 2].mean(axis=1)))
+    grey, _, red, _ = ([np.asarray(image.get_array()).astype(int) for image in axis.images] for axis in after.axes[:4])
+    assert np.ptp(grey[0][..., :3], axis=2).max() < 30 < np.ptp(red[0][..., :3], axis=2).max()

@@ -1,0 +1,116 @@
+"""The figures of the paper: meshes of all ages on one scale, and the quality of all elements after each stage."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from shapes import ball_mesh
+
+from cortet.formats import vtu
+from cortet.meshes import TetMesh
+from cortet.paper.pooled_quality import Pooled, pooled_quality_figure
+from cortet.paper.series import Brain, draw_series, series_figure
+from cortet.report.render import lateral_view
+
+BALL = ball_mesh(radius=10.0)
+
+
+def pictures(figure: Figure) -> list[list[np.ndarray]]:
+    """The pictures of each column, from the top."""
+    columns: dict[int, list[np.ndarray]] = {}
+    for axis in figure.axes:
+        for image in axis.images:
+            columns.setdefault(axis.get_subplotspec().colspan.start, []).append(np.asarray(image.get_array()))
+    return [columns[number] for number in sorted(columns)]
+
+
+def width(image: np.ndarray) -> int:
+    """Pixels between the outermost ones that are not white."""
+    drawn = np.flatnonzero((image < 250).any(axis=(0, 2)))
+    return int(np.ptp(drawn))
+
+
+def is_grey(image: np.ndarray) -> bool:
+    return int(np.ptp(image.astype(int), axis=2).max()) < 30
+
+
+def test_one_scale_for_all_ages_and_the_cut_in_colour(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    figure = series_figure([Brain(22.0, {"L": BALL}), Brain(None, {"R": ball_mesh(radius=20.0)})])
+    (first, first_cut), (second, second_cut) = pictures(figure)
+    assert width(second) == pytest.approx(2 * width(first), rel=0.05)
+    assert is_grey(first) and is_grey(second)
+    assert not is_grey(first_cut) and not is_grey(second_cut)
+    assert [axis.get_title() for axis in figure.axes[:2]] == ["22 weeks, left", "age n/a, right"]
+
+
+def test_both_hemispheres_have_rows_of_their_own_where_there_are_both() -> None:
+    figure = series_figure([Brain(22.0, {"L": BALL, "R": BALL}), Brain(30.0, {"L": BALL})])
+    assert [len(column) for column in pictures(figure)] == [3, 2]
+    assert [axis.get_ylabel() for axis in figure.axes[:4:2]] == ["left", "right"]
+
+
+@pytest.mark.parametrize(("side", "ahead"), [("L", -1), ("R", 1)])
+def test_a_hemisphere_is_seen_from_its_own_side(side: Literal["L", "R"], ahead: int) -> None:
+    nose = TetMesh(BALL.points * np.where(BALL.points[:, 1:2] > 0, [1, 2, 1], 1), BALL.cells)  # longer to the front
+    image = lateral_view(nose, side=side, cut=False, half_width=25.0, half_height=25.0, width=200)
+    columns = (image < 250).any(axis=2).sum(axis=0)
+    tall = np.flatnonzero(columns > 0.95 * columns.max()).mean()
+    assert np.sign(np.flatnonzero(columns).mean() - tall) == ahead
+
+
+def test_a_hemisphere_shows_its_lateral_side() -> None:
+    right = replace(BALL, points=BALL.points + np.array([12.0, 0, 0]))
+    brains = [{"R": right}, {"L": right}, {"n/a": right}, {"n/a": BALL}]
+    figure = series_figure([Brain(22.0, meshes) for meshes in brains])
+    assert [axis.texts[0].get_ha() for axis in figure.axes[:4]] == ["right", "left", "right", "left"]
+
+
+def test_it_is_drawn_from_files_and_marks_a_brain_that_is_not_certified(tmp_path: Path) -> None:
+    vtu.write(BALL, tmp_path / "a.vtu")
+    for verdict in (True, False):
+        content = {"schema": 1, "certified": verdict, "checks": [{"id": "worst_q"}]}
+        (tmp_path / f"{verdict}.json").write_text(json.dumps(content))
+    good, bad = (str(tmp_path / f"{verdict}.json") for verdict in (True, False))
+    meshes = dict.fromkeys("LR", str(tmp_path / "a.vtu"))
+    for certificates, marks in (({"L": good, "R": good}, 0), ({"L": good, "R": bad}, 1), ({"L": good}, 1)):
+        brain = {"name": "sub-a", "age": 22.0, "meshes": meshes, "certificates": certificates}
+        draw_series([brain], [tmp_path / "s.svg"], cell_size=2.0)
+        lines = (tmp_path / "s.svg").read_text().splitlines()
+        assert sum("not certified" in line and "<!--" not in line for line in lines) == marks
+    assert all(text in "".join(lines) for text in ("22 weeks", "sub-a", " = 2 mm"))
+    figure = series_figure([Brain(22.0, {"L": BALL}, "sub-a"), Brain(30.0, {"L": BALL}, "sub-b", certified=False)])
+    assert [axis.get_title().count("\n") for axis in figure.axes[:2]] == [2, 2], "names stand at one height"
+
+
+def test_pooled_quality_has_a_row_per_setting_before_the_published_distributions() -> None:
+    counts = np.zeros(200, np.int32)
+    counts[[20, 100]] = 99, 1
+    figure = pooled_quality_figure(
+        [
+            Pooled("default", 1, {"S1-S2": counts, "S1-S4": counts}, target=0.3),
+            Pooled("published", 3, {"S1-S2": counts, "S1-S3": counts}),
+        ],
+        cell_size=1.0,
+        limit=0.6,
+    )
+    (bulk, tail), (_, second) = np.reshape(figure.axes, (2, 2))
+    assert bulk.get_title(loc="left") == "setting default, $h$ = 1 mm: 1 mesh, 100 elements"
+    assert len(bulk.patches) == 5 and len(tail.lines) == 7 and len(second.lines) == 6
+    assert bulk.patches[3].get_data().values[20] == 99  # %
+    q, above = tail.lines[3].get_data()
+    assert above[np.isclose(q, 0.3)] == 1e4 and q.max() == 0.5  # one in a hundred is above 0.3, none above 0.505
+    assert [line.get_xdata()[0] for line in tail.lines[-2:]] == [0.6, 0.3]
+    theirs = [line.get_xdata().max() for line in tail.lines[:3]]
+    assert theirs == pytest.approx([0.82, 0.80, 0.56], abs=0.006), "where the paper says that its tails end"
+    (legend,) = figure.legends
+    assert {"generated", "cleaned", "relocated"} < {text.get_text() for text in legend.get_texts()}
+    figure.draw_without_rendering()
+    lefts = [round(text.get_window_extent().x0) for text in legend.get_texts()]
+    assert len(set(lefts[:3])) == 1 and lefts[3] > lefts[0]  # published ones are the first column
