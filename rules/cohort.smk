@@ -1,4 +1,4 @@
-"""Tables, figures and the page over all cases (cortet.report.over_all).
+"""Tables, figures and the page over all cases (cortet.over_all).
 
 Their inputs are functions: every job of a cluster reads these rules, and should not list the files of all cases.
 """

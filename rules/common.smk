@@ -28,7 +28,7 @@ from cortet.config import keys_not_given, read
 from cortet.errors import CortetError
 from cortet.meshers import OWN
 from cortet.folding.plan import Folds
-from cortet.report.over_all import REPORTED, plan_of, results
+from cortet.over_all import REPORTED, plan_of, results
 from cortet.stages import STAGES, notices
 from cortet.version import version_of
 

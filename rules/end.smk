@@ -13,7 +13,7 @@ from cortet.cohort.failures import with_failures
 from cortet.cohort.lock import hold, is_held_by_parent
 from cortet.cohort.outdated import set_aside
 from cortet.paper.experiments import Experiments
-from cortet.report.over_all import is_of_run, remember_run
+from cortet.over_all import is_of_run, remember_run
 
 FOLDER = of_workflow()  # the main Snakefile may be a user's, which includes ours
 HELD = []  # files whose locks last until the end of this process

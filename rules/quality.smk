@@ -33,7 +33,7 @@ rule certify:
 
 
 rule case_page:
-    """A page on one mesh for a browser. One that failed has a page of its own kind (cortet.report.over_all)."""
+    """A page on one mesh for a browser. One that failed has a page of its own kind (cortet.over_all)."""
     input:
         surface=PLAN.surface,
         meshed=PLAN.meshed_surface,

@@ -5,6 +5,6 @@ from _job import start
 job = start(snakemake)
 
 from cortet.cohort.failures import with_failures
-from cortet.report.over_all import plan_of, results
+from cortet.over_all import plan_of, results
 
 results(with_failures(plan_of(snakemake.config), ended=False))[snakemake.rule].write()

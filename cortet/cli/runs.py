@@ -104,7 +104,7 @@ def report(
     cortet cohort report derivatives/cortet
     """
     from cortet.cohort.lock import hold
-    from cortet.report.over_all import report
+    from cortet.over_all import report
 
     folder = output_dir.absolute()
     if not folder.is_dir():
@@ -171,7 +171,7 @@ def run(
     from cortet.cohort.failures import with_failures
     from cortet.config import read
     from cortet.folding.plan import Folds
-    from cortet.report.over_all import aggregate, plan_of, run_record
+    from cortet.over_all import aggregate, plan_of, run_record
 
     asked: Sequence[str] = levels or list(app.LEVELS)
     settings, alone = configured.settings(), set(asked) == {"group"}

@@ -16,8 +16,7 @@ from cortet.cohort.selection import folded
 from cortet.errors import InputError
 from cortet.folding.measures import surface_files, weeks_of
 from cortet.meshes import OUTERMOST, region_names
-from cortet.neighbours import OnPage
-from cortet.report.over_all import files_of
+from cortet.report.results import PagePart, files_of
 from cortet.version import version_of
 
 if TYPE_CHECKING:
@@ -121,11 +120,11 @@ def _beside(verdict: str, patterns: Mapping[str, str], case: str) -> dict[str, s
     return {name: str(Path(verdict).with_name(Path(one).name.format(case=case))) for name, one in patterns.items()}
 
 
-def on_page(plan: Plan) -> OnPage | None:
-    """The curves of all folds and their table, if there are some."""
+def folds_on_page(plan: Plan) -> list[PagePart]:
+    """The curves of all folds and their table, if any case is folded."""
     folds = Folds(plan)
     if not folds.folded:
-        return None
+        return []
     files, runs = files_of(plan, "cohort_folding", ".tsv", ".json", ".svg", ".pdf", ".png"), folds.runs()
     page = plan.layout.cohort_page
 
@@ -144,4 +143,5 @@ def on_page(plan: Plan) -> OnPage | None:
         return [panel(Path(files[0]), Path(files[2]), seen)]
 
     inputs = [str(Path(path).with_name(name)) for path in runs for name in ("verdict.json", "fold.tsv")]
-    return OnPage(files, inputs, [version_of("folding.cohort_folding"), *runs.values()], write, panels)
+    facts = [version_of("folding.cohort_folding"), *runs.values()]
+    return [PagePart(files, inputs, facts, write, panels)]

@@ -15,10 +15,10 @@ from matplotlib.image import imread
 from cortet.cohort.status import COLUMNS as STATUS
 from cortet.formats.tables import Column, headed, sidecar
 from cortet.formats.tsv import MISSING, cell, read_tsv
-from cortet.neighbours import OnPage
 from cortet.report import pages
 from cortet.report.cohort_tables import CASE_COLUMNS, QUALITY_COLUMNS
 from cortet.report.pages import SIDES, Panel, Part
+from cortet.report.results import PagePart
 
 Row = Mapping[str, str]
 
@@ -73,7 +73,7 @@ def write_cohort_page(
     charts: Mapping[str, str] | None = None,
     maps: Mapping[Literal["L", "R"], Path] | None = None,
     tissues: Path | None = None,
-    more: Sequence[OnPage] = (),
+    more: Sequence[PagePart] = (),
     dataset: str = "",
     began: str = "",
 ) -> None:
@@ -90,7 +90,7 @@ def write_cohort_page(
     charts : panels of `figures.cohort_figure`, column -> SVG
     maps : hemisphere, L or R -> PNG file of its maps on the common mesh
     tissues : `cohort_tissues.tsv`; None if no case has volumes
-    more : parts of the page that neighbours bring
+    more : further parts of the page
     began : when a run began that has not ended; empty if none runs
     """
     rows, explained = read_tsv(status), sidecar(COLUMNS)

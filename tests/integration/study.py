@@ -18,7 +18,7 @@ from cortet.cohort.sheet import Case, read_sheet, write_sheet
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.geometry.nesting import joined
 from cortet.meshes import TriSurface
-from cortet.report.over_all import RUN
+from cortet.over_all import RUN
 from tests.integration import loaded_snakemake
 from tests.unit.shapes import ball_surface
 

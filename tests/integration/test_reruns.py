@@ -19,7 +19,7 @@ import pytest
 from cortet.cohort.lock import NAME
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.hashing import sha256
-from cortet.report.over_all import report
+from cortet.over_all import report
 from tests.integration.study import ROOT, STATUS, Study, scaled, surface, twice
 
 COHORT = {("cohort_tables", "-"), ("cohort_page", "-")}

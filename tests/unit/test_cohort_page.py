@@ -18,8 +18,8 @@ from cortet.folding.cohort_folding import panel
 from cortet.formats.atomic import write_json
 from cortet.formats.tables import names
 from cortet.formats.tsv import write_tsv
-from cortet.neighbours import OnPage
 from cortet.report.cohort_page import ordered, with_outliers, write_cohort_page
+from cortet.report.results import PagePart
 
 MESH = {"cell_size_mm": "0.6", "mesher": "cgal"}
 #: a picture of no pixel
@@ -115,7 +115,7 @@ def test_folds_and_maps_are_part_of_the_page(tmp_path: Path) -> None:
     imsave(tmp_path / "maps.png", np.zeros((4, 6, 3)))
     folds = [{**mesh, "variant": variant, "folder": f"../a/Folded{variant or ''}"} for variant in (None, "thin")]
     shown = panel(tmp_path / "folds.tsv", tmp_path / "folds.svg", folds)
-    more = [OnPage([str(tmp_path / "folds.tsv")], [], None, lambda: None, lambda: [shown])]
+    more = [PagePart([str(tmp_path / "folds.tsv")], [], None, lambda: None, lambda: [shown])]
     page = written(tmp_path, [other("a", "certified")], [], more=more, maps={"R": tmp_path / "maps.png"})
     ((picture, words),) = re.findall(r'src="data:image/png;base64,(.*?)" width="6" height="4" alt="(.*?)">', page)
     assert base64.b64decode(picture) == (tmp_path / "maps.png").read_bytes() and "right hemispheres" in words

@@ -63,7 +63,7 @@ def test_a_second_clone_compiles_nothing(tmp_path: Path) -> None:
 
     def compilations(clone: Path, kernel: str = KERNEL) -> int:
         (clone / "cortet").mkdir(parents=True, exist_ok=True)
-        for path in ("__init__.py", "version.py", "neighbours.py", "geometry/__init__.py", "geometry/kernel_cache.py"):
+        for path in ("__init__.py", "version.py", "geometry/__init__.py", "geometry/kernel_cache.py"):
             (clone / "cortet" / path).parent.mkdir(exist_ok=True)
             (clone / "cortet" / path).write_bytes((source / "cortet" / path).read_bytes())
         (clone / "cortet/tiny.py").write_text(kernel)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from cortet.report.over_all import results
+from cortet.over_all import results
 from tests.unit.test_plan import GOOD, MADE, plan
 
 

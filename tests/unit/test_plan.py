@@ -210,7 +210,7 @@ def test_what_one_case_lacks_is_for_its_job_to_say(tmp_path: Path) -> None:
 def test_planning_loads_nothing_heavy() -> None:
     """Every job plans, so each library here would cost each of them a quarter of a second and more."""
     heavy = ("numba", "scipy", "nibabel", "pymeshlab", "gmsh", "meshio", "pandas", "matplotlib")
-    code = f"import sys, cortet.report.over_all; print([name for name in {heavy} if name in sys.modules])"
+    code = f"import sys, cortet.over_all; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import json
 import logging
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal, cast
@@ -23,31 +23,21 @@ from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import read_sheet
 from cortet.config import load
 from cortet.errors import CortetError, InputError
+from cortet.folding.plan import folds_on_page
 from cortet.formats.atomic import atomic_path, write_json
 from cortet.formats.ownership import json_of
-from cortet.neighbours import OnPage, neighbours
+from cortet.paper.results import results as paper_results
+from cortet.report.results import Results, files_of
 from cortet.stages import require_nesting, require_programs
 
 logger = logging.getLogger(__name__)
 
-#: rules that a whole run asks for; those of neighbours need at least one mesh with a certificate
+#: rules that a whole run asks for; those of the paper need at least one mesh with a certificate
 OF_COHORT = ("cohort_tables", "cohort_page")
 #: what a run records of itself in its output folder
 RUN = ".cortet/run.json"
 #: when `report` last wrote results that a run may still change; Snakemake then makes them again
 REPORTED = ".cortet/reported.txt"
-
-
-@dataclass(frozen=True)
-class Results:
-    """Files over all cases that one rule makes."""
-
-    files: Sequence[str]
-    #: files that they are made from, when all cases are done
-    inputs: Callable[[], Iterable[str]]
-    #: what they depend on besides their inputs
-    facts: Callable[[], Any]
-    write: Callable[[], None]
 
 
 # --- a run -------------------------------------------------------------------------------------------------------
@@ -58,10 +48,7 @@ def plan_of(config: Mapping[str, Any]) -> Plan:
     own = load(config)
     # by the name that files carry: the line's own setting carries none, others are run beside it
     settings = {"": own} | {
-        name.capitalize(): load({**config, "setting": name})
-        for neighbour in neighbours()
-        for name in neighbour.settings(own)
-        if name != own.setting
+        name.capitalize(): load({**config, "setting": name}) for name in own.experiments.settings if name != own.setting
     }
     for setting in settings.values():
         require_programs(setting)
@@ -220,15 +207,9 @@ def _write_failure_pages(plan: Plan) -> list[str]:
 # --- results -----------------------------------------------------------------------------------------------------
 
 
-def files_of(plan: Plan, name: str, *suffixes: str) -> list[str]:
-    """Files over all cases that have one name."""
-    return [plan.layout.cohort(f"{name}{suffix}") for suffix in suffixes]
-
-
 def results(plan: Plan) -> dict[str, Results]:
     """All results by their rules, those that others are made from first."""
-    others = {rule: result for neighbour in neighbours() for rule, result in neighbour.results(plan).items()}
-    return {"cohort_tables": cohort_tables(plan), "cohort_page": cohort_page(plan), **others}
+    return {"cohort_tables": cohort_tables(plan), "cohort_page": cohort_page(plan), **paper_results(plan)}
 
 
 def cohort_tables(plan: Plan) -> Results:
@@ -293,8 +274,8 @@ def _update_states(plan: Plan, *, began: str = "") -> None:
 
 
 def cohort_page(plan: Plan) -> Results:
-    """The page of a cohort and what it shows: the figure, means on the common mesh, and parts of neighbours."""
-    tables, parts, maps = _tables(plan), _parts(plan), _maps(plan)
+    """The page of a cohort and what it shows: the figure, means on the common mesh, and the folds."""
+    tables, parts, maps = _tables(plan), folds_on_page(plan), _maps(plan)
     figure = files_of(plan, "figure-cohort", ".svg", ".pdf", ".png")
     of_parts = [path for part in parts for path in part.files]
 
@@ -329,11 +310,6 @@ def cohort_page(plan: Plan) -> Results:
 
     files = [plan.layout.cohort_page, *figure, *(path for paths in maps.values() for path in paths), *of_parts]
     return Results(files, inputs, facts, write)
-
-
-def _parts(plan: Plan) -> list[OnPage]:
-    """What neighbours bring to the page."""
-    return [part for neighbour in neighbours() if (part := neighbour.on_page(plan))]
 
 
 def _limits(plan: Plan) -> dict[str, Any]:
@@ -381,7 +357,7 @@ def _write_page(plan: Plan, *, began: str = "") -> None:
         charts={name: svg(figure) for name, figure in charts.items()},
         maps={hemi: Path(files[-1]) for hemi, files in _maps(plan).items() if _exists(files[-1])},
         tissues=tables["tissues"][0] if plan.tissue_tables() else None,
-        more=[part for part in _parts(plan) if all(map(_exists, part.files))],
+        more=[part for part in folds_on_page(plan) if all(map(_exists, part.files))],
         dataset=dataset.resolve().name if dataset else "",
         began=began,
     )
