@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import json
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -39,7 +40,6 @@ from cortet.meshes import CoordinateFrame, TetMesh, TriSurface
 from cortet.phantoms.head import LABELS, direction, head
 from cortet.report.slices import cut
 from cortet.solver_files.label_surfaces import inner_surfaces, surfaces_of_labels
-from cortet.solver_files.sets import named_sets
 from cortet.solver_files.volumes import backgrounds, require_in_place, with_volumes
 
 RADIUS, SIZE = 10.0, 32
@@ -86,33 +86,24 @@ def test_the_kind_is_told_from_the_file(tmp_path: Path, labels: NDArray[np.int16
     assert fraction.kind == "numbers"
     assert fraction.values.max() == pytest.approx(2 / 3)
     whole = written(tmp_path / "whole.nii", labels.astype(np.float32))
-    with pytest.raises(InputError, match="holds whole numbers as float32: labels or measured numbers"):
-        read_volume(whole)
-    around = np.where(labels == 0, np.nan, labels).astype(np.float32)
-    with pytest.raises(InputError, match="holds whole numbers as float32: labels or measured numbers"):
-        read_volume(written(tmp_path / "nan_outside.nii", around))
     assert read_named(f"{whole}:labels").kind == "labels"
     assert read_named(f"{whole}:numbers").kind == "numbers"
-    with pytest.raises(InputError, match="'tissue' is not a kind of volume"):
+    with pytest.raises(InputError, match="tissue"):
         read_named(f"{whole}:tissue")
 
 
 def test_freesurfers_volumes_are_read(tmp_path: Path, labels: NDArray[np.int16]) -> None:
-    nibabel.save(nibabel.MGHImage(labels.astype(np.int32), AFFINE), tmp_path / "aseg.mgz")
-    volume = read_volume(tmp_path / "aseg.mgz")
+    """But not with geometry that the file calls invalid: NiBabel would put it around 0, with voxels of 1 mm."""
+    image = nibabel.MGHImage(labels.astype(np.int32), AFFINE)
+    nibabel.save(image, file := tmp_path / "aseg.mgz")
+    volume = read_volume(file)
     assert volume.kind == "labels"
     np.testing.assert_array_equal(volume.values, labels)
     np.testing.assert_allclose(volume.affine, AFFINE, atol=1e-5)
-
-
-def test_an_mgh_file_without_valid_geometry_is_refused(tmp_path: Path, labels: NDArray[np.int16]) -> None:
-    """NiBabel would place it around 0, with voxels of 1 mm."""
-    image = nibabel.MGHImage(labels.astype(np.int32), AFFINE)
-    packed = gzip.compress(image.to_bytes()[:28] + bytes(2) + image.to_bytes()[30:])
-    (tmp_path / "aseg.mgz").write_bytes(packed)
+    file.write_bytes(gzip.compress(image.to_bytes()[:28] + bytes(2) + image.to_bytes()[30:]))
     for read in (read_volume, lambda path: volume_from(nibabel.load(path)), lambda path: matrix("mm", path)):
-        with pytest.raises(InputError, match=r"aseg.mgz: does not say where its voxels are: .*invalid"):
-            read(tmp_path / "aseg.mgz")
+        with pytest.raises(InputError, match=r"aseg.mgz: .*invalid"):
+            read(file)
 
 
 def test_labels_that_a_file_rounds_are_labels(
@@ -131,74 +122,75 @@ def test_labels_that_a_file_rounds_are_labels(
 
 def test_labels_have_names(tmp_path: Path, labels: NDArray[np.int16]) -> None:
     file = written(tmp_path / "sub-1_desc-drawem9_dseg.nii.gz", labels)
+    own = tmp_path / "sub-1_desc-drawem9_dseg.tsv"
     assert label_names(file) == {}
     (tmp_path / "dseg.tsv").write_text("index\tname\n1\tback\n2\tfront\n")
     assert read_volume(file).names == {1: "back", 2: "front"}
-    (tmp_path / "sub-1_desc-drawem9_dseg.tsv").write_text("index\tname\tcolor\n1\tCSF\t#fff\n")
+    own.write_text("index\tname\tcolor\n1\tCSF\t#fff\n")
     assert read_volume(file).names == {1: "CSF"}
     assert read_labels(f"{file}:CSF,2")[1] == [1, 2]
-    with pytest.raises(InputError, match=r"has no label 'GM' \(it has 1 CSF, 2\)"):
+    with pytest.raises(InputError, match="GM"):
         read_labels(f"{file}:GM")
-    (tmp_path / "sub-1_desc-drawem9_dseg.tsv").write_text("index\tname\n1\tCSF\n2\tCSF\n")
-    with pytest.raises(InputError, match=r"dseg.tsv: names the labels 1, 2 all 'CSF' \(give their numbers instead"):
+    own.write_text("index\tname\n1\tCSF\n2\tCSF\n")
+    with pytest.raises(InputError, match="dseg.tsv.*CSF"):
         read_labels(f"{file}:CSF")
-    for text, words in (
-        ("index\tname\nx\tCSF\n", "line 2: 'x' is not an index"),
-        ("index\tname\n1\ta\n1\tb\n", "line 3: index 1 stands there twice"),
-        ("key\tname\n1\ta\n", "has the columns key, name"),
-    ):
-        (tmp_path / "sub-1_desc-drawem9_dseg.tsv").write_text(text)
-        with pytest.raises(InputError, match=words):
+    for text in ("index\tname\nx\tCSF\n", "index\tname\n1\ta\n1\tb\n", "key\tname\n1\ta\n"):
+        own.write_text(text)
+        with pytest.raises(InputError, match="drawem9_dseg.tsv"):
             read_volume(file)
 
 
 METRES = np.diag([0.001, 0.001, 0.001, 1.0]) @ AFFINE
+
+
+def _cut(labels: NDArray[np.int16], path: Path, change: Callable[[bytes], bytes]) -> Path:
+    return _damaged(written(path, labels), change)
+
+
+#: volumes that are refused, and a word of why
 BAD: dict[str, tuple[Callable[[Path, NDArray[np.int16]], Path], str]] = {
-    "empty": (lambda path, labels: written(path, 0 * labels), "is empty: every voxel is 0"),
-    "no numbers": (
-        lambda path, labels: written(path, np.full(labels.shape, np.nan, np.float32)),
-        "is empty: no voxel holds a number but 0",
+    "empty": (lambda path, labels: written(path, 0 * labels), "empty"),
+    "no numbers": (lambda path, labels: written(path, np.full(labels.shape, np.nan, np.float32)), "empty"),
+    "metres by the header": (lambda path, labels: written(path, labels, METRES, "meter"), "metres"),
+    "metres": (lambda path, labels: written(path, labels, METRES), "metres"),
+    "4-D": (lambda path, labels: written(path, np.stack([labels] * 4, axis=-1)), "tensor"),
+    "2-D": (lambda path, labels: written(path, labels[0]), "not a volume"),
+    "whole numbers as float": (lambda path, labels: written(path, labels.astype(np.float32)), "labels or"),
+    "the same beside NaN": (
+        lambda path, labels: written(path, np.where(labels == 0, np.nan, labels).astype(np.float32)),
+        "labels or",
     ),
-    "metres by the header": (
-        lambda path, labels: written(path, labels, METRES, "meter"),
-        "is in metres, as its header says",
-    ),
-    "metres": (
-        lambda path, labels: written(path, labels, METRES),
-        "has voxels of 0.001 x 0.001 x 0.001 mm: it seems to be in metres",
-    ),
-    "4-D": (
-        lambda path, labels: written(path, np.stack([labels] * 4, axis=-1)),
-        r"holds 4 volumes \(its shape is \(32, 32, 32, 4\)\), not one, or the six of a tensor",
-    ),
-    "2-D": (lambda path, labels: written(path, labels[0]), "which is not a volume"),
     "fractions": (
         lambda path, labels: written(path.with_name("x_dseg.nii"), (labels / 3).astype(np.float32)),
-        "is to hold labels, but .*% of its voxels hold no whole numbers, the first is 0.3333333.* at .*integers",
+        "0.3333333",
     ),
     "nearly whole": (
         lambda path, labels: written(path.with_name("x_dseg.nii"), labels + 7014.9 * (labels > 0)),
-        "the first is 7015.9 at",
+        "7015.9",
     ),
     "an image": (
         lambda path, labels: written(path, np.arange(labels.size, dtype=np.int32).reshape(labels.shape)),
-        "holds more than 2,000 different whole numbers, too many for labels",
+        "2,000",
     ),
-    "flat": (
-        lambda path, labels: _damaged(written(path, labels), lambda raw: raw[:280] + bytes(48) + raw[328:]),
-        "its affine flattens space",
+    "tensors in the order of MRtrix": (
+        lambda path, _: written(path, np.broadcast_to(np.float32([1, 1, 1, 0.1, 0, 0]), (4, 4, 4, 6))),
+        "FILE:mrtrix",
     ),
-    "cut off": (
-        lambda path, labels: _damaged(written(path, labels), lambda raw: raw[: len(raw) // 2]),
-        "cannot be read as a volume",
-    ),
-    "no type": (
-        lambda path, labels: _damaged(written(path, labels), lambda raw: raw[:70] + b"\x0f\x04" + raw[72:]),
-        "cannot be read as a volume: data code 1039 not recognized",
-    ),
-    "no place": (lambda path, labels: _without_place(written(path, labels)), "does not say where its voxels are"),
-    "a text": (lambda path, labels: _damaged(path, lambda _: b"index\tname\n"), "cannot be read as a volume"),
+    "flat": (lambda path, labels: _cut(labels, path, lambda raw: raw[:280] + bytes(48) + raw[328:]), "flattens"),
+    "cut off": (lambda path, labels: _cut(labels, path, lambda raw: raw[: len(raw) // 2]), "cannot be read"),
+    "no type": (lambda path, labels: _cut(labels, path, lambda raw: raw[:70] + b"\x0f\x04" + raw[72:]), "1039"),
+    "no place": (lambda path, labels: _without_place(written(path, labels)), "where its voxels are"),
+    "a text": (lambda path, _: _damaged(path, lambda _: b"index\tname\n"), "cannot be read"),
 }
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_bad_volume_is_refused(case: str, tmp_path: Path, labels: NDArray[np.int16]) -> None:
+    make, word = BAD[case]
+    file = make(tmp_path / "x.nii", labels)
+    with pytest.raises(InputError, match=word) as caught:
+        read_volume(file)
+    assert str(file) in str(caught.value)
 
 
 def _damaged(path: Path, change: Callable[[bytes], bytes]) -> Path:
@@ -213,14 +205,6 @@ def _without_place(path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("case", BAD)
-def test_a_bad_volume_is_refused_in_words(case: str, tmp_path: Path, labels: NDArray[np.int16]) -> None:
-    make, words = BAD[case]
-    file = make(tmp_path / "x.nii", labels)
-    with pytest.raises(InputError, match=words):
-        read_volume(file)
-
-
 def volume_of(values: NDArray[np.generic], affine: NDArray[np.float64] = AFFINE) -> dict[str, Volume]:
     return {"tissue": Volume(values, affine, "labels", file="x.nii")}
 
@@ -229,18 +213,59 @@ def test_labels_beside_the_surface_are_refused(ball: TriSurface, labels: NDArray
     require_in_place(volume_of(labels), ball)
     moved = AFFINE.copy()
     moved[:3, 3] += [4, 0, -3]
-    with pytest.raises(InputError, match=r"cover 63% .*, and 100% if they were moved by \(-4.00, 0.00, 3.00\) mm"):
-        require_in_place(volume_of(labels, moved), ball)
-    with pytest.raises(InputError, match="the surface's centre, .* mm, lies outside the volume, which reaches from"):
-        require_in_place(volume_of(labels, AFFINE + _shift(100)), ball)
-    with pytest.raises(
-        InputError, match="of the surface's vertices lie outside the volume, by up to 6.0 mm; it reaches"
-    ):
-        require_in_place(volume_of(labels, AFFINE + _shift(12)), ball)
     corner = np.zeros_like(labels)
     corner[:3, :3, :3] = 1
-    with pytest.raises(InputError, match="none of its labels lies inside the surface"):
-        require_in_place(volume_of(corner), ball)
+    for values, affine, word in (
+        (labels, moved, r"63%.*moved by \(-4.00, 0.00, 3.00\) mm"),
+        (labels, AFFINE + _shift(100), "centre"),
+        (labels, AFFINE + _shift(12), "by up to 6.0 mm"),
+        (corner, AFFINE, "none of its labels"),
+    ):
+        with pytest.raises(InputError, match=word):
+            require_in_place(volume_of(values, affine), ball)
+
+
+def test_a_surface_in_lps_is_told(ball: TriSurface, labels: NDArray[np.int16]) -> None:
+    aside, there = half_ball(ball, [3, 6, 0])
+    for volume, surface in (
+        (volume_of(labels, AFFINE + _shift(14)), replace(ball, points=ball.points - [14, 0, 0])),
+        (volume_of(there), replace(aside, points=aside.points * [-1, -1, 1])),
+    ):
+        with pytest.raises(InputError, match="LPS"):
+            require_in_place(volume, surface)
+
+
+def test_labels_that_are_flipped_are_refused_with_all_flips_that_fit(ball: TriSurface) -> None:
+    """A ball towards a corner: all three axes, since no fewer bring it there; a ball on the third axis, any with it."""
+    aside, there = half_ball(ball, [6, 0, 0])
+    require_in_place(volume_of(there), aside)
+    with pytest.raises(InputError, match="0%.*100% if its first axis"):
+        require_in_place(volume_of(there[::-1]), aside)
+    for centre, axes in (([6, 6, 6], "first and second and third axes"), ([0, 0, 6], "third axis.* first and third")):
+        aside, there = half_ball(ball, centre)
+        with pytest.raises(InputError, match=axes):
+            require_in_place(volume_of(np.flip(there)), aside)
+
+
+@pytest.mark.parametrize("kind", ["labels", "numbers", "tensors"])
+def test_the_share_of_a_brain_without_a_number_is_measured(
+    ball: TriSurface, labels: NDArray[np.int16], kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A ball of values around a ball; then both lie aside and the volume is flipped: nothing of the brain has any."""
+    values = np.where(labels > 0, 0.5, 0.0)
+    values[:16][labels[:16] == 0] = np.nan
+
+    def empty(values: NDArray[Any], surface: TriSurface) -> float:
+        held = values[..., None] * [1.0, 0, 0, 1, 0, 1] if kind == "tensors" else values
+        held = np.nan_to_num(2 * values).astype(np.int16) if kind == "labels" else held
+        (background,) = backgrounds({"fa": Volume(held, AFFINE, kind, file="fa.nii")}, surface)
+        assert background.large == (background.fraction > 0.05)
+        return background.fraction
+
+    assert empty(values, replace(ball, points=0.9 * ball.points)) == pytest.approx(0, abs=1e-3) and not caplog.text
+    aside, there = half_ball(ball, [6, 0, 0])
+    assert empty(there[::-1] * 0.5, aside) == pytest.approx(1, abs=1e-3)
+    assert "fa.nii" in caplog.text and "first axis" in caplog.text
 
 
 def _shift(mm: float) -> NDArray[np.float64]:
@@ -249,67 +274,11 @@ def _shift(mm: float) -> NDArray[np.float64]:
     return shift
 
 
-def test_a_surface_in_lps_is_told(ball: TriSurface, labels: NDArray[np.int16]) -> None:
-    away = AFFINE + _shift(14)
-    with pytest.raises(InputError, match="outside the volume.*LPS"):
-        require_in_place(volume_of(labels, away), replace(ball, points=ball.points - [14, 0, 0]))
-    aside = TriSurface(ball.points * 0.5 + [3, 6, 0], ball.faces)
-    centres = np.indices(labels.shape).reshape(3, -1).T @ AFFINE[:3, :3].T + AFFINE[:3, 3]
-    there = (winding_numbers(aside, centres) > 0.5).reshape(labels.shape).astype(np.int16)
-    with pytest.raises(InputError, match="LPS"):
-        require_in_place(volume_of(there), replace(aside, points=aside.points * [-1, -1, 1]))
-
-
-def test_labels_that_are_flipped_are_refused(ball: TriSurface, labels: NDArray[np.int16]) -> None:
-    aside = TriSurface(ball.points * 0.5 + [6, 0, 0], ball.faces)
-    centres = np.indices(labels.shape).reshape(3, -1).T @ AFFINE[:3, :3].T + AFFINE[:3, 3]
-    there = (winding_numbers(aside, centres) > 0.5).reshape(labels.shape).astype(np.int16)
-    require_in_place(volume_of(there), aside)
-    with pytest.raises(InputError, match="cover 0% of the surface's inside, and 100% if its first axis were reversed"):
-        require_in_place(volume_of(there[::-1]), aside)
-
-
-def test_all_flips_that_fit_are_named(ball: TriSurface, labels: NDArray[np.int16]) -> None:
-    """A ball towards a corner: all three axes, since no fewer bring it there; a ball on the third axis, any with it."""
-    for centre, words in (
-        ([6, 6, 6], "100% if its first and second and third axes were reversed "),
-        (
-            [0, 0, 6],
-            "100% if its third axis were reversed, 100% if its first and third axes were, 100% if its second and",
-        ),
-    ):
-        aside = TriSurface(ball.points * 0.5 + centre, ball.faces)
-        centres = np.indices(labels.shape).reshape(3, -1).T @ AFFINE[:3, :3].T + AFFINE[:3, 3]
-        there = (winding_numbers(aside, centres) > 0.5).reshape(labels.shape).astype(np.int16)
-        with pytest.raises(InputError, match=words):
-            require_in_place(volume_of(np.flip(there)), aside)
-
-
-@pytest.mark.parametrize("kind", ["labels", "numbers", "tensors"])
-def test_how_much_of_a_brain_has_no_number_is_said(
-    ball: TriSurface, labels: NDArray[np.int16], kind: str, caplog: pytest.LogCaptureFixture
-) -> None:
-    """A ball of values around a ball; then both lie aside and the volume is flipped: nothing of the brain has any."""
-    values = np.where(labels > 0, 0.5, 0.0)
-    values[:16][labels[:16] == 0] = np.nan
-
-    def said(values: NDArray[Any], surface: TriSurface) -> str:
-        held = values[..., None] * [1.0, 0, 0, 1, 0, 1] if kind == "tensors" else values
-        held = np.nan_to_num(2 * values).astype(np.int16) if kind == "labels" else held
-        (background,) = backgrounds({"fa": Volume(held, AFFINE, kind, file="fa.nii")}, surface)
-        assert background.large == (background.fraction > 0.05) == (" 0.0% " not in background.sentence)
-        return background.sentence
-
-    inner = replace(ball, points=0.9 * ball.points)
-    assert said(values, inner) == "fa: 0.0% of the brain lies where fa.nii is 0 or holds no " + (
-        "label" if kind == "labels" else "number"
-    )
-    assert not caplog.text
-    aside = replace(ball, points=0.5 * ball.points + [6, 0, 0])
-    centres = np.indices(labels.shape).reshape(3, -1).T @ AFFINE[:3, :3].T + AFFINE[:3, 3]
-    there = (winding_numbers(aside, centres) > 0.5).reshape(labels.shape) * 0.5
-    assert said(there[::-1], aside).startswith("fa: 100.0% of the brain lies where fa.nii is 0")
-    assert "its values would cover 100% if its first axis were reversed, 100% if its first and second" in caplog.text
+def half_ball(ball: TriSurface, centre: list[float]) -> tuple[TriSurface, NDArray[np.int16]]:
+    """A ball of half the size around a centre, and its labels."""
+    aside = TriSurface(ball.points * 0.5 + centre, ball.faces)
+    centres = np.indices((SIZE, SIZE, SIZE)).reshape(3, -1).T @ AFFINE[:3, :3].T + AFFINE[:3, 3]
+    return aside, (winding_numbers(aside, centres) > 0.5).reshape(SIZE, SIZE, SIZE).astype(np.int16)
 
 
 def test_a_lesion_inside_and_labels_all_around_are_no_shift(ball: TriSurface, labels: NDArray[np.int16]) -> None:
@@ -343,11 +312,6 @@ def test_a_tetrahedron_within_a_voxel_has_its_label() -> None:
     mesh = replace(TET, points=TET.points + inside)
     assert labels_inside(mesh.points, mesh.cells, values, affine).label.tolist() == [values[1, 2, 1]]
     np.testing.assert_allclose(in_voxels(affine, inside[None]), [[1, 2, 1]])
-
-
-def test_outside_the_volume_the_label_is_0() -> None:
-    values = np.full((3, 3, 3), 4, np.int32)
-    assert labels_inside(TET.points + 100, TET.cells, values, np.eye(4)).label.tolist() == [0]
 
 
 def test_0_is_what_lies_outside_where_labels_cover_the_mesh() -> None:
@@ -422,12 +386,6 @@ def test_the_mean_of_tensors_is_log_euclidean(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.cell_data["tensor"][0], [geometric] * 3 + [0] * 3, rtol=1e-4, atol=1e-9)
 
 
-def test_tensors_read_in_the_wrong_order_are_refused(tmp_path: Path) -> None:
-    mrtrix = np.broadcast_to(np.float32([1, 1, 1, 0.1, 0, 0]), (4, 4, 4, 6))
-    with pytest.raises(InputError, match="100% of its tensors have an eigenvalue that is not above 0.*FILE:mrtrix"):
-        read_volume(written(tmp_path / "x.nii", mrtrix))
-
-
 def test_six_numbers_and_matrices() -> None:
     numbers = np.arange(6.0)[None]
     np.testing.assert_array_equal(six(matrices(numbers)), numbers)
@@ -442,23 +400,6 @@ def test_the_frame_of_a_surface_leads_to_the_volume() -> None:
     volume = {"tissue": Volume(values, np.eye(4), "labels", file=__file__)}
     assert with_volumes(TET, volume)[0].cell_data["tissue"].tolist() == [0]
     assert with_volumes(TET, volume, frame=frame)[0].cell_data["tissue"].tolist() == [9]
-
-
-def test_many_labels_are_sets(labels: NDArray[np.int16], tmp_path: Path) -> None:
-    """87 of them and more: each tetrahedron is in one, whatever their number."""
-    grid = np.stack(np.meshgrid(*[np.arange(6.0)] * 3), axis=-1).reshape(-1, 3)
-    from scipy.spatial import Delaunay
-
-    cells = Delaunay(grid + np.random.default_rng(0).uniform(-0.2, 0.2, grid.shape)).simplices
-    negative = signed_volumes(grid, cells) < 0
-    cells[negative] = cells[negative][:, [0, 1, 3, 2]]
-    cells = cells[signed_volumes(grid, cells) > 0.01]
-    mesh = TetMesh(grid, cells, cell_data={"tissue": np.arange(len(cells)) % 90})
-    named = named_sets(mesh, label_names={"tissue": {3: "white matter"}}, tissues=["tissue"])
-    sets = {name: members for name, members in named.sets.cells.items() if name.startswith("tissue_")}
-    assert len(sets) == 90
-    assert len(sets["tissue_white_matter"]) == np.count_nonzero(np.arange(len(cells)) % 90 == 3)
-    assert sum(map(len, sets.values())) == len(cells)
 
 
 # --- surfaces out of labels ---------------------------------------------------------------------------------------
@@ -536,16 +477,10 @@ def test_a_label_that_the_image_cuts_off_is_told_with_side_and_area(caplog: pyte
     values[12:16, 6:10, :6] = 5
     affine = np.diag([-2.0, 1, 1, 1])
     surfaces_of_labels("x", Volume(values, affine, "labels", file="dseg.nii"), [5])
-    assert "label 5 reaches the left side of the image: its surface is flat there, over 80 mm2" in caplog.text
-    assert "the inferior side of the image: its surface is flat there, over 32 mm2" in caplog.text
+    assert re.search("left side.* 80 mm2", caplog.text) and re.search("inferior side.* 32 mm2", caplog.text)
     caplog.clear()
     surfaces_of_labels("x", Volume(np.pad(values, 1), affine, "labels", file="dseg.nii"), [5])
     assert not caplog.text
-
-
-def test_labels_of_a_surface_are_refused() -> None:
-    with pytest.raises(InputError, match=r"pial.surf.gii:1: is not a volume"):
-        read_labels("pial.surf.gii:1")
 
 
 def test_inner_surfaces_of_labels_are_named(tmp_path: Path, ball: TriSurface, labels: NDArray[np.int16]) -> None:
@@ -555,38 +490,20 @@ def test_inner_surfaces_of_labels_are_named(tmp_path: Path, ball: TriSurface, la
     found = inner_surfaces({"ventricle": f"{file}:5,6"}, ball)
     assert list(found.surfaces) == ["ventricle1", "ventricle2"]
     assert set(found.files.values()) == {str(file)}
-    assert found.told[0].startswith("ventricle1: ")
     assert found.surfaces["ventricle1"].points[:, 0].mean() < 0  # label 6; x falls as voxels rise
-    assert list(inner_surfaces({"left": f"{file}:5"}, ball).surfaces) == ["left"]
+    straight = inner_surfaces({"left": f"{file}:5"}, ball).surfaces
+    assert list(straight) == ["left"]
     frame = CoordinateFrame(xformspace=SCANNER, matrix=(1, 0, 0, 3, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1))
-    moved = inner_surfaces({"left": f"{file}:5"}, replace(ball, points=ball.points - [3, 0, 0], frame=frame))
-    straight = inner_surfaces({"left": f"{file}:5"}, ball)
-    np.testing.assert_allclose(
-        moved.surfaces["left"].points + np.array([3, 0, 0]), straight.surfaces["left"].points, atol=1e-5
-    )
-    with pytest.raises(InputError, match="label 0 is what no label covers"):
-        inner_surfaces({"left": f"{file}:0"}, ball)
+    moved = inner_surfaces({"left": f"{file}:5"}, replace(ball, points=ball.points - [3, 0, 0], frame=frame)).surfaces
+    np.testing.assert_allclose(moved["left"].points + np.array([3, 0, 0]), straight["left"].points, atol=1e-5)
     deep[10:14] = 0
     deep[12, 15, 15] = 5
-    with pytest.raises(InputError, match="label 5 has 1 voxels in 1 pieces, too few for a surface"):
-        inner_surfaces({"left": f"{written(file, deep)}:5"}, ball)
-    with pytest.raises(InputError, match="is a volume, not a surface"):
-        inner_surfaces({"left": str(file)}, ball)
-
-
-def test_pieces_of_an_earlier_run_are_told(
-    tmp_path: Path, labels: NDArray[np.int16], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    two = np.where(labels > 0, 1, 0).astype(np.int16)
-    two[15:17] = 0
-    written(tmp_path / "two.nii.gz", two)
-    written(tmp_path / "one.nii.gz", labels)
-    (tmp_path / "vault.surf.gii").touch()  # another name that begins alike
-    assert main(["labels", "two.nii.gz:1", "-o", "v.surf.gii"]) == 0
-    assert "not of this run" not in capsys.readouterr().out
-    assert main(["labels", "one.nii.gz:1,2", "-o", "v.surf.gii"]) == 0
-    assert capsys.readouterr().out.endswith("v1.surf.gii, v2.surf.gii: not of this run, left as they are\n")
+    small = written(tmp_path / "small.nii.gz", deep)
+    for given, word in ((f"{file}:0", "label 0"), (f"{small}:5", "1 voxels"), (str(file), "is a volume")):
+        with pytest.raises(InputError, match=word):
+            inner_surfaces({"left": given}, ball)
+    with pytest.raises(InputError, match="pial.surf.gii:1"):
+        read_labels("pial.surf.gii:1")
 
 
 # --- a whole head -------------------------------------------------------------------------------------------------
@@ -675,7 +592,7 @@ def test_a_sheet_names_volumes_and_a_scan_finds_them(tmp_path: Path, labels: NDA
     assert again.volumes == {**case.volumes, "fa": f"{tmp_path}/fa.nii:numbers"}
     table = read_tsv(tmp_path / "a" / "x.tsv").rename(columns={"volume_fa": "volume_f-a"})
     table.to_csv(tmp_path / "a" / "y.tsv", sep="\t", index=False)
-    with pytest.raises(InputError, match="column volume_f-a: 'f-a' is not the name of a volume"):
+    with pytest.raises(InputError, match="volume_f-a"):
         read_sheet(tmp_path / "a" / "y.tsv")
 
 
@@ -690,7 +607,7 @@ def test_volumes_from_python(ball: TriSurface, labels: NDArray[np.int16], tmp_pa
     np.testing.assert_allclose(sum(shares), 1, atol=1e-5)
     read = read_mesh(made.save(tmp_path / "x.inp"))
     assert len(read.sets.cells["tissue_2"]) == table.loc[2, "tetrahedra"]
-    with pytest.raises(InputError, match="'region' cannot be the name of a volume"):
+    with pytest.raises(InputError, match="region"):
         cortet.mesh(ball, 2.0, volumes={"region": file}, progress=False)
 
 
@@ -702,7 +619,5 @@ def test_a_bad_volume_is_refused_before_any_work(
     before = sorted(tmp_path.iterdir())
     given = ["mesh", str(tmp_path / "x.surf.gii"), "--volume", f"tissue={file}", "-o", str(tmp_path / "x.vtu")]
     assert main(given) == 1
-    said = capsys.readouterr()
-    assert "lies outside the volume" in said.err
-    assert "repair" not in said.out
+    assert "repair" not in capsys.readouterr().out
     assert sorted(tmp_path.iterdir()) == before
