@@ -29,7 +29,7 @@ REFUSED = {"certified": False, "reasons": ["worst q 0.8 must be below 0.6"]}
 
 def test_an_uncertified_mesh_is_written_only_on_demand(tmp_path: Path) -> None:
     mesh, _ = surface_nodes_first(ball_mesh())
-    with pytest.raises(StageError, match="worst q 0.8 must be below 0.6"):
+    with pytest.raises(StageError, match="worst q 0.8"):
         export(mesh, tmp_path / "ball.mesh", solver="braingrowth", certificate=REFUSED)
     assert not list(tmp_path.iterdir())
     export(mesh, tmp_path / "ball.mesh", solver="braingrowth", certificate=REFUSED, uncertified=True)
@@ -81,20 +81,16 @@ def test_an_export_replaces_all_files_of_an_earlier_one(tmp_path: Path) -> None:
 @pytest.mark.parametrize("solver", [name for name, form in FORMATS.items() if form.has_q])
 def test_files_for_viewers_have_q_measured_anew(solver: str, tmp_path: Path) -> None:
     mesh = full_mesh()
-    wrong = replace(mesh, cell_data={**mesh.cell_data, "q": np.ones(len(mesh.cells))})
-    vtu.write(wrong, tmp_path / "m.vtu")
+    vtu.write(replace(mesh, cell_data={**mesh.cell_data, "q": np.ones(len(mesh.cells))}), tmp_path / "m.vtu")
     file = tmp_path / f"n{FORMATS[solver].suffix}"
     convert(tmp_path / "m.vtu", file, source_unit="mm")
-    measured = quality(mesh.points, mesh.cells).astype(np.float32)
-    assert np.array_equal(read_mesh(file).cell_data["q"], measured)
-    assert not any(
-        "q" in told.split(": ")[-1].split(", ") for told in convert(file, tmp_path / "o.inp", source_unit="mm")
-    )
-    assert "q" not in tetrahedra(file).cell_data
+    assert np.array_equal(read_mesh(file).cell_data["q"], quality(mesh.points, mesh.cells).astype(np.float32))
+    told = convert(file, tmp_path / "o.inp", source_unit="mm")
+    assert not any("q" in re.split(", |: ", line) for line in told) and "q" not in tetrahedra(file).cell_data
 
 
 @pytest.mark.parametrize("target", [name for name, form in FORMATS.items() if name != "vtu"])
-def test_every_format_is_made_of_another(tmp_path: Path, target: str) -> None:
+def test_every_format_is_made_of_another_and_what_it_lacks_is_told(tmp_path: Path, target: str) -> None:
     source = tmp_path / "m.xdmf"
     frame = CoordinateFrame("NIFTI_XFORM_SCANNER_ANAT")
     sources = {"thickness": FieldSource("thickness.shape.gii", "0" * 64, "mm", "scalar", {})}
@@ -102,20 +98,27 @@ def test_every_format_is_made_of_another(tmp_path: Path, target: str) -> None:
         full_mesh(), source, solver="fenics", certificate=CERTIFIED, frame=frame, sources=sources, interior="nearest"
     )
     path = tmp_path / f"n{FORMATS[target].suffix}"
-    one = "an element has one number, and is in one set: area"
     lacking = {
-        "braingrowth": ["the format has no fields of the nodes", "the format has no sets of tetrahedra"],
-        "gmsh": ["the format has no sets of nodes", one],
-        "nastran": ["the format has no fields of the nodes", "the format has no sets of nodes", one],
-        "carp": [one],
+        "braingrowth": ["fields of the nodes", "sets of tetrahedra"],
+        "gmsh": ["sets of nodes", "area"],
+        "nastran": ["fields of the nodes", "sets of nodes", "area"],
+        "carp": ["area"],
     }.get(target, [])
     told = " ".join(convert(source, path, unit="mm", source_unit="mm"))
-    assert all(f"left out, as {what}" in told for what in lacking) and bool(told) == bool(lacking)
+    assert all(what in told for what in lacking) and bool(told) == bool(lacking)
     record = json.loads(path.with_name(path.name + ".json").read_text())
     assert record["coordinate_system"]["dataspace"] == "NIFTI_XFORM_SCANNER_ANAT"
     assert record["units"] == {"coordinates": "mm"}
     if "thickness" in record["fields"]:
         assert record["fields"]["thickness"]["source"] == "thickness.shape.gii"
+
+
+@pytest.mark.parametrize("target", ["carp", "abaqus", "febio"])
+def test_fields_of_tetrahedra_that_a_format_cannot_hold_are_told(tmp_path: Path, target: str) -> None:
+    mesh = full_mesh()
+    vtu.write(replace(mesh, cell_data={**mesh.cell_data, "stiffness": np.ones(len(mesh.cells))}), tmp_path / "m.vtu")
+    told = convert(tmp_path / "m.vtu", tmp_path / f"n{FORMATS[target].suffix}", source_unit="mm")
+    assert any("fields of the tetrahedra: stiffness" in line for line in told)
 
 
 def test_conversion_renumbers_and_names_sets_where_they_are_missing(tmp_path: Path) -> None:
@@ -139,15 +142,6 @@ def test_a_vtu_file_keeps_all_sets_on_the_way_to_another_format(tmp_path: Path) 
     assert surfaces == [*mesh.sets.faces]
 
 
-@pytest.mark.parametrize("target", ["carp", "abaqus", "febio"])
-def test_what_a_format_cannot_hold_is_told(tmp_path: Path, target: str) -> None:
-    mesh = full_mesh()
-    fields = {**mesh.cell_data, "stiffness": np.ones(len(mesh.cells))}
-    vtu.write(replace(mesh, cell_data=fields), tmp_path / "m.vtu")
-    told = convert(tmp_path / "m.vtu", tmp_path / f"n{FORMATS[target].suffix}", source_unit="mm")
-    assert [words for words in told if words == "left out, as the format has no fields of the tetrahedra: stiffness"]
-
-
 @pytest.mark.parametrize(
     ("suffix", "written"),
     [(".inp", ("dicke,", "dicke_2,", "NSET=grosse")), (".feb", ('"dicke"', '"dicke_2"', '"grosse"'))],
@@ -163,7 +157,7 @@ def test_names_in_other_letters_become_plain_ones_and_this_is_told(
     assert {"dïcke is called dicke", "dicke is called dicke_2", "größe is called grosse"} <= set(told)
     text = "".join(file.read_text() for file in tmp_path.glob(f"n*{suffix}"))
     assert [name for name in written if name not in text] == []
-    with pytest.raises(InputError, match="no letters such as in the name 'größe'"):
+    with pytest.raises(InputError, match="größe"):
         format_of(tmp_path / f"n{suffix}").write(replace(mesh, sets=sets), tmp_path / f"o{suffix}")
 
 

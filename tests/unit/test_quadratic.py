@@ -159,24 +159,22 @@ def test_inverted_and_overlapping_elements_are_refused(ball: tuple[TetMesh, TriS
     assert bounds[::3] == pytest.approx(-1) and bounds[1::3] == pytest.approx(1)
 
 
-@pytest.mark.parametrize("suffix", [".inp", ".msh", ".vtu", ".xdmf"])
-def test_other_programs_read_the_same_elements(ball: tuple[TetMesh, TriSurface], suffix: str, tmp_path: Path) -> None:
-    mesh, surface = ball
-    mesh = named_sets(replace(mesh, point_data={"depth": np.linalg.norm(mesh.points, axis=1)}), cortex_depth=0.3)
-    curved = quadratic(mesh, surface)
-    path = tmp_path / f"ball{suffix}"
-    write_ten_nodes(mesh, curved, path)
-    found = meshio.read(path)
-    (cells,) = [block.data for block in found.cells if block.type == "tetra10"]
-    assert np.array_equal(cells, curved.cells)
-    assert found.points == pytest.approx(curved.points, abs=1e-11)
-    record = json.loads((tmp_path / "ball.quadratic.json").read_text())
-    assert record["tetrahedra"] == len(mesh.cells) and record["least_jacobian"] == curved.least_jacobian
-    if suffix in (".vtu", ".xdmf"):
-        assert np.array_equal(found.point_data["depth"], with_middles(curved, mesh.point_data["depth"]))
-        assert np.array_equal(np.flatnonzero(found.cell_data["cell_set_cortex"][0]), mesh.sets.cells["cortex"])
-        on_surface = np.flatnonzero(found.point_data["node_set_cortical_surface"])
-        assert set(mesh.sets.nodes["cortical_surface"]) < set(on_surface) and on_surface[-1] >= len(mesh.points)
+def by_meshio(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Nodes, elements of ten nodes, and the field."""
+    read = meshio.read(path)
+    (cells,) = (block.data for block in read.cells if block.type == "tetra10")
+    return read.points, cells, read.point_data.get("depth")
+
+
+def by_xml(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same of FEBio, whose elements stand in the order of their regions."""
+    root = ElementTree.parse(path).getroot()
+    points, depth = (
+        np.array([str(row.text).split(",") for row in root.iterfind(at)], float)
+        for at in ("Mesh/Nodes/node", "MeshData/NodeData/node")
+    )
+    rows = {int(row.get("id", "")): str(row.text) for row in root.iterfind("Mesh/Elements/elem")}
+    return points, np.array([rows[number].split(",") for number in sorted(rows)], int) - 1, depth[:, 0]
 
 
 def test_gmsh_measures_the_jacobian_that_was_certified(ball: tuple[TetMesh, TriSurface], tmp_path: Path) -> None:
@@ -242,23 +240,20 @@ def test_the_command_writes_and_says_what_it_did(
 
 @pytest.mark.parametrize("suffix", [".inp", ".feb", ".vtu", ".msh", ".xdmf"])
 def test_programs_find_the_ten_node_mesh(ball: tuple[TetMesh, TriSurface], tmp_path: Path, suffix: str) -> None:
+    """Elements, nodes, fields and sets; the table of names stands beside it."""
     mesh, surface = ball
-    mesh = replace(mesh, point_data={"depth": mesh.points[:, 0] + 2})
+    mesh = named_sets(replace(mesh, point_data={"depth": mesh.points[:, 0] + 2}), cortex_depth=0.3)
     curved = quadratic(mesh, surface)
     write_ten_nodes(mesh, curved, path := tmp_path / f"ten{suffix}")
-    if suffix == ".feb":  # elements stand in the order of their regions
-        root = ElementTree.parse(path).getroot()
-        points, depth = (
-            [row.text for row in root.iterfind(at)] for at in ("Mesh/Nodes/node", "MeshData/NodeData/node")
-        )
-        rows = {int(row.get("id", "")): row.text for row in root.iterfind("Mesh/Elements/elem")}
-        found = [np.array([str(row).split(",") for row in some], float) for some in (points, depth)]
-        cells = np.array([str(rows[number]).split(",") for number in sorted(rows)], int) - 1
-        points, depth = found[0], found[1][:, 0]
-    else:
-        read = meshio.read(path)
-        points, depth = read.points, read.point_data.get("depth")
-        cells = next(block.data for block in read.cells if block.type == "tetra10")
+    record = json.loads((tmp_path / "ten.quadratic.json").read_text())
+    assert record["tetrahedra"] == len(mesh.cells) and record["least_jacobian"] == curved.least_jacobian
+    assert record["regions"] == {"cortex": 1, "core": 2} and "cortical_surface" in record["surface"]
+    points, cells, depth = (by_xml if suffix == ".feb" else by_meshio)(path)
     assert np.array_equal(cells, curved.cells) and np.allclose(points, curved.points, rtol=1e-9, atol=1e-11)
     if suffix != ".inp":  # Abaqus files hold no fields
         assert np.allclose(depth, with_middles(curved, mesh.point_data["depth"]), rtol=1e-9)
+    if suffix in (".vtu", ".xdmf"):
+        found = meshio.read(path)
+        assert np.array_equal(np.flatnonzero(found.cell_data["cell_set_cortex"][0]), mesh.sets.cells["cortex"])
+        on_surface = np.flatnonzero(found.point_data["node_set_cortical_surface"])
+        assert set(mesh.sets.nodes["cortical_surface"]) < set(on_surface) and on_surface[-1] >= len(mesh.points)
