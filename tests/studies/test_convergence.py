@@ -95,17 +95,6 @@ def test_the_table_tells_chance_from_cell_size() -> None:
     assert "No size tried" in sentence(table)
 
 
-def test_the_sentence_says_what_is_not_known() -> None:
-    flat = convergence_table([replace(run, values=dict.fromkeys(QUANTITIES, 1.3)) for run in runs()])
-    assert (
-        "of its limit, or, as no limit was found for gyrification index, area, width of folds, wavelength of folds and"
-        in sentence(flat)
-    )
-    made = runs()
-    made[0] = replace(made[0], folded=False)
-    assert "This leaves out 1 of 12 folds, which stopped at an inverted element." in sentence(convergence_table(made))
-
-
 def test_a_run_that_stopped_is_counted_and_not_averaged() -> None:
     made = runs()
     made[0] = replace(made[0], folded=False, values=dict.fromkeys(QUANTITIES, 9.0))

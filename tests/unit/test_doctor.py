@@ -44,42 +44,9 @@ def test_what_is_compiled_or_linked_with_the_system_is_proved():
     assert {tool.name for tool in doctor.LIBRARIES if tool.system_packages} < proved
 
 
-def test_a_library_that_cannot_load_is_a_failure_with_its_reason_and_remedy(broken):
-    broken("gmsh", "raise OSError('libGLU.so.1: cannot open shared object file')")
-    found = doctor.examine(library("gmsh"))
-    assert found.state == "failed" and "libGLU.so.1" in found.detail
-    assert "libglu1-mesa" in found.remedy and "make setup" in found.remedy
-
-
-def test_a_library_that_works_wrongly_is_a_failure(broken):
-    broken("pymeshlab", "class MeshSet: ...")
-    found = doctor.examine(library("pymeshlab"))
-    assert found.state == "failed" and "MeshSet" in found.detail
-
-
-def test_a_crash_is_a_finding_and_does_not_take_the_doctor_down(broken):
-    broken("gmsh", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
-    assert doctor.examine(library("gmsh")).detail == "crashed (SIGSEGV)"
-
-
 def test_a_library_that_is_not_installed_is_missing():
     found = doctor.examine(Tool("no-such-distribution", "nothing"))
     assert found.state == "missing" and "make setup" in found.remedy
-
-
-def test_a_failure_is_a_problem_and_comes_with_its_remedy():
-    assert problems([finding("ok", "numpy"), finding("failed", "gmsh")]) == [
-        "gmsh: what happened\n  remedy: what to do"
-    ]
-
-
-def test_one_mesher_is_enough_but_one_there_must_be():
-    assert not problems([finding("missing", "pygalmesh"), finding("ok", "cgal")])
-    assert len(problems([finding("missing", "pygalmesh"), finding("missing", "cgal")])) == 2
-
-
-def test_a_mesher_that_is_installed_must_work_since_the_workflow_would_use_it():
-    assert len(problems([finding("failed", "pygalmesh"), finding("ok", "cgal")])) == 1
 
 
 @pytest.mark.parametrize("works", [True, False])
@@ -103,3 +70,25 @@ def test_a_program_without_a_proof_is_listed_with_its_place(tmp_path, monkeypatc
 def test_nothing_heavy_is_needed_to_ask_the_doctor():
     program = "import cortet.doctor, sys; sys.exit('numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "detail"),
+    [
+        ("gmsh", "raise OSError('libGLU.so.1: cannot open shared object file')", "libGLU.so.1"),
+        ("gmsh", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "SIGSEGV"),
+        ("pymeshlab", "class MeshSet: ...", "MeshSet"),
+    ],
+)
+def test_a_library_that_cannot_load_crashes_or_works_wrongly_is_a_failure(broken, name, code, detail):
+    broken(name, code)
+    found = doctor.examine(library(name))
+    assert found.state == "failed" and detail in found.detail and "make setup" in found.remedy
+
+
+def test_a_failure_is_a_problem_and_one_mesher_of_two_is_enough():
+    assert problems([finding("ok", "numpy"), finding("failed", "gmsh")]) == [
+        "gmsh: what happened\n  remedy: what to do"
+    ]
+    for first, second, count in (("missing", "ok", 0), ("missing", "missing", 2), ("failed", "ok", 1)):
+        assert len(problems([finding(first, "pygalmesh"), finding(second, "cgal")])) == count

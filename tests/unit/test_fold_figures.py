@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib.image
+import nibabel
 import numpy as np
 import pandas as pd
 import pytest
@@ -40,11 +41,18 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "out"
 
 
-def test_the_command_makes_everything(run: Path) -> None:
+def test_the_command_makes_everything_and_drawing_again_gives_the_same_files(run: Path) -> None:
     assert {path.name for path in run.iterdir()} == {
         "fold.tsv", "fold.json", "fold.pvd", "frames", "seconds.tsv", "verdict.json",
         "folding.svg", "folded.png", "folding.gif", MANIFEST,
     }  # fmt: skip
+    with Image.open(run / "folding.gif") as film:
+        assert film.n_frames >= 3 and film.size == (800, 640)
+    before = {name: (run / name).read_bytes() for name in ("folding.svg", "folded.png", "folding.gif")}
+    fold_figures.draw(run, "L", {22.3: run.parent / "real.surf.gii"})
+    assert {name: (run / name).read_bytes() for name in before} == before
+    with pytest.raises(InputError, match=r"fold\.pvd"):
+        series(run / "frames/fold.pvd")
 
 
 def test_the_figure_shows_what_the_table_holds(run: Path) -> None:
@@ -80,16 +88,6 @@ def test_the_curves_stand_on_real_brains_whose_source_is_named(
     (legend,) = figure.legends
     named = [text.get_text() for text in legend.get_texts()]
     assert named[0] == "this run" and [re.split("[ ,]", name)[0] for name in named[1:]] == list(sources)
-
-
-def test_value_axes_end_where_the_ages_of_the_run_end(run: Path) -> None:
-    for axis in numbers(run / "fold.tsv", "L").axes[:3]:
-        low, high = axis.get_ylim()
-        real = np.concatenate([np.asarray(points.get_offsets()) for points in axis.collections])
-        curve = np.asarray(axis.lines[0].get_ydata(), float)
-        seen = np.r_[real[(real[:, 0] > 21.9) & (real[:, 0] < 23.1), 1], curve]
-        assert low < seen.min() and seen.max() < high and high - low < 1.2 * np.ptp(seen)
-    assert [text.get_text() for text in numbers(run / "fold.tsv", "L").axes[3].texts] == ["inversion", "d"]
 
 
 @pytest.mark.parametrize(
@@ -163,57 +161,36 @@ def test_a_real_brain_that_is_not_drawn_is_named(
     rows: Callable[..., list[tuple[float, str]]], caplog: pytest.LogCaptureFixture
 ) -> None:
     assert rows([30.0, 31.0], [22.0, 30.4, 30.1]) == [(30, "real30.1, 30.1 weeks"), (31, "")]
-    assert "real22.surf.gii is not drawn: the run has no frame of 22 weeks" in caplog.text
-    assert "real30.4.surf.gii is not drawn: another surface is nearer" in caplog.text
+    assert "real22.surf.gii" in caplog.text and "real30.4.surf.gii" in caplog.text
     right = "<Name>AnatomicalStructurePrimary</Name><Value>CortexRight</Value>"
     assert rows([30.0, 31.0], [30.0], right) == [(30, ""), (31, "")]
-    assert "real30.surf.gii is not drawn: it says that it is of hemisphere R" in caplog.text
+    assert "hemisphere R" in caplog.text
 
 
 @pytest.mark.parametrize(
-    ("option", "words"),
+    ("option", "word"),
     [
-        ("30", "'30' is not WEEKS=FILE"),
-        ("old=x.surf.gii", "'old' is not a number"),
+        ("30", "'30'"),
+        ("old=x.surf.gii", "'old'"),
         ("30=gone.surf.gii", "gone.surf.gii"),
-        ("30=right.surf.gii", "is of hemisphere R, as it says, not L"),
+        ("30=right.surf.gii", "hemisphere R"),
     ],
 )
 def test_a_real_brain_that_cannot_be_is_refused_before_the_work(
-    option: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    option: str, word: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     vtu.write(ball_mesh(2, radius=10.0), tmp_path / "ball.vtu")
     write_surface(ball_surface(2), tmp_path / "right.surf.gii")
-    named = "<MetaData><MD><Name>AnatomicalStructurePrimary</Name><Value>CortexRight</Value></MD></MetaData>"
-    text = (tmp_path / "right.surf.gii").read_text()
-    (tmp_path / "right.surf.gii").write_text(text.replace("<MetaData/>", named, 1).replace("<MetaData />", named, 1))
-    command = ["fold", "ball.vtu", "--ga", "22", "--hemi", "L", "-o", "out", "--real", option]
+    image = nibabel.load("right.surf.gii")
+    image.meta["AnatomicalStructurePrimary"] = "CortexRight"
+    Path("right.surf.gii").write_bytes(image.to_xml())
     try:
-        code = main(command)
+        code = main(["fold", "ball.vtu", "--ga", "22", "--hemi", "L", "-o", "out", "--real", option])
     except SystemExit as ended:
         code = ended.code
-    assert code and words in capsys.readouterr().err
+    assert code and word in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
-
-
-def test_the_film_has_an_image_per_frame(run: Path) -> None:
-    with Image.open(run / "folding.gif") as film:
-        assert film.n_frames >= 3
-        assert film.size == (800, 640)
-
-
-def test_drawing_again_gives_the_same_files(run: Path, tmp_path: Path) -> None:
-    from cortet.folding.fold_figures import draw
-
-    before = {name: (run / name).read_bytes() for name in ("folding.svg", "folded.png", "folding.gif")}
-    draw(run, "L", {22.3: run.parent / "real.surf.gii"})
-    assert {name: (run / name).read_bytes() for name in before} == before
-
-
-def test_a_missing_series_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"fold\.pvd: cannot be read"):
-        series(tmp_path / "fold.pvd")
 
 
 def test_an_inverted_element_shows_in_the_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -224,34 +201,18 @@ def test_an_inverted_element_shows_in_the_exit_code(tmp_path: Path, capsys: pyte
     assert "inverted (J = " in capsys.readouterr().out
 
 
-def test_the_progress_line_says_how_far_and_how_long() -> None:
-    now = Measurements(
-        step=10, time=0.25, gestational_age=27.1, kinetic_energy=0.0, elastic_energy=0.0, dissipated_energy=0.0,
-        growth_work=0.0, contact_work=0.0, energy_error=0.0, min_j=0.712, inverted=0, degenerate=0, q_max=0.5,
-        gyrification_index=1.234, fold_spacing_mm=12.0, fold_wavelength_mm=10.0, sulcal_depth_mm=1.0,
-        area_mm2=1.0, volume_mm3=1.0,
-        hull_volume_mm3=1.0, extent_lr_mm=1.0, extent_ap_mm=1.0, extent_is_mm=1.0, cortex_share=0.2,
-        cortical_thickness_mm=1.0, concave_share=0.3, contacts=0,
-    )  # fmt: skip
-    assert status(now, 0.25, 60.0) == (
-        "[#####...............]  25%  t 0.250  27.10 weeks  min J 0.712  gyrification 1.234  3 min left"
-    )
-    assert status(now, 0.0, 0.0).endswith("? left")
-
-
 def test_another_terminal_can_ask_how_far_a_run_is(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["fold", "--status", str(run)]) == 0
     line = capsys.readouterr().out.strip()
-    assert line == reached(run)
-    assert line.startswith("[####################] 100%") and "22.20 weeks" in line and line.endswith("0 s left")
+    assert line == reached(run) and "100%" in line and "22.20 weeks" in line
     assert main(["fold", "--status", str(run / "frames")]) == 1
-    assert "no run has begun there" in capsys.readouterr().err
 
 
-def test_a_log_gets_a_line_per_percent() -> None:
-    values = dict.fromkeys(Measurements.__dataclass_fields__, 1.0)
+def test_a_log_gets_a_line_per_percent_with_what_is_left() -> None:
+    now = Measurements(**dict.fromkeys(Measurements.__dataclass_fields__, 1.0))
     said: list[str] = []
     progress = per_percent(said.append)
     for part in (0.0, 0.004, 0.011, 0.012, 0.5, 1.0):
-        progress(Measurements(**values), part, 10.0)
+        progress(now, part, 10.0)
     assert [line.split("] ")[1][:4].strip() for line in said] == ["0%", "1%", "50%", "100%"]
+    assert "3 min left" in status(now, 0.25, 60.0) and "? left" in status(now, 0.0, 0.0)

@@ -88,34 +88,21 @@ def test_smoothing_keeps_the_growth_of_a_plane() -> None:
 
 def test_surfaces_that_do_not_correspond_are_refused() -> None:
     ball = ball_surface(2)
-    with pytest.raises(InputError, match="do not correspond"):
-        logarithmic_growth(ball, ball_surface(3))
-    with pytest.raises(InputError, match="do not correspond"):
-        logarithmic_growth(ball, replace(ball, faces=ball.faces[::-1]))
-    with pytest.raises(InputError, match="later surface has no area"):
-        logarithmic_growth(ball, replace(ball, points=np.zeros_like(ball.points)))
-
-
-@pytest.mark.parametrize("kind", ["metres", "shuffled"])
-def test_growth_that_no_cortex_has_is_refused(kind: str) -> None:
+    turned, flat = replace(ball, faces=ball.faces[::-1]), replace(ball, points=np.zeros_like(ball.points))
+    for later, word in ((ball_surface(3), "correspond"), (turned, "correspond"), (flat, "no area")):
+        with pytest.raises(InputError, match=word):
+            logarithmic_growth(ball, later)
     ball = ball_surface(4, radius=25.0)
-    numbers = np.random.default_rng(0).permutation(len(ball.points))
-    points = ball.points / 1000 if kind == "metres" else ball.points[numbers]
-    with pytest.raises(InputError, match="half of the vertices changes by a factor of .*in mm, whose vertices corr"):
-        measured(ball, replace(ball, points=points))
+    mixed = ball.points[np.random.default_rng(0).permutation(len(ball.points))]
+    for early, late, word in ((1, ball.points / 1000, "in mm"), (1, mixed, "corr"), (1.2, ball.points, "0.69")):
+        with pytest.raises(InputError, match=word):
+            measured(replace(ball, points=early * ball.points), replace(ball, points=late))
 
 
-def test_surfaces_in_the_wrong_order_are_refused() -> None:
-    ball = ball_surface(3, radius=25.0)
-    with pytest.raises(InputError, match=r"area is 0.69 and its volume 0.58 of those \(give the early surface"):
-        measured(replace(ball, points=1.2 * ball.points), ball)
-
-
-def test_an_output_that_is_no_gifti_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_output_that_is_no_gifti_is_refused(tmp_path: Path) -> None:
     write_surface(ball_surface(2, radius=25.0), tmp_path / "x.surf.gii")
     surfaces = [str(tmp_path / "x.surf.gii")] * 2
     assert main(["growth", *surfaces, "--ages", "28", "30", "-o", str(tmp_path / "map")]) == 2
-    assert "map: is not the name of a GIfTI file (end it in .func.gii)" in capsys.readouterr().err
 
 
 # --- what is imposed
@@ -186,44 +173,40 @@ def test_what_grows_more_along_its_meridians_becomes_longer_from_pole_to_pole() 
     assert along_x == pytest.approx(along_y, rel=2e-3)
 
 
-def test_a_killed_run_of_a_map_ends_with_the_same_bits_and_its_energy_is_balanced(tmp_path: Path) -> None:
-    mesh = mapped(ball_mesh(2, radius=10.0), radial(ball_mesh(2, radius=10.0), 1.3), 26.0)
-    settings = THIN.with_keys(end=24.0)
-    verdict = fold(mesh, tmp_path / "whole", settings)
-    assert abs(float(read_tsv(tmp_path / "whole/fold.tsv")["energy_error"].iloc[-1])) < 5e-3
-    again = fold(mesh, tmp_path / "again", settings)
-    assert again == verdict
-    assert (tmp_path / "whole/fold.tsv").read_bytes() == (tmp_path / "again/fold.tsv").read_bytes()
+def test_the_energy_of_a_fold_by_a_map_is_balanced(tmp_path: Path) -> None:
+    mesh = ball_mesh(2, radius=10.0)
+    fold(mapped(mesh, radial(mesh, 1.3), 26.0), tmp_path, THIN.with_keys(end=24.0))
+    assert abs(float(read_tsv(tmp_path / "fold.tsv")["energy_error"].iloc[-1])) < 5e-3
 
 
 @pytest.mark.parametrize(
-    ("values", "age", "message"),
+    ("values", "age", "word"),
     [
-        (np.zeros((1, 3)), 24.0, "has the shape"),
-        (np.full((1, 6), np.nan), 24.0, "not finite"),
-        (np.full((1, 6), 2.5), 24.0, "more than sevenfold"),
-        (np.zeros((1, 6)), 21.0, "not for an age between that of the mesh, 22 weeks"),
+        (np.zeros((1, 3)), 24.0, "shape"),
+        (np.full((1, 6), np.nan), 24.0, "finite"),
+        (np.full((1, 6), 2.5), 24.0, "sevenfold"),
+        (np.zeros((1, 6)), 21.0, "growth_to_21.* 22 weeks"),
     ],
 )
-def test_what_is_no_map_is_refused(values: FloatArray, age: float, message: str) -> None:
+def test_what_is_no_map_is_refused(values: FloatArray, age: float, word: str, tmp_path: Path) -> None:
     mesh = ball_mesh(1, radius=10.0)
-    with pytest.raises(InputError, match=message):
-        prepared(mapped(mesh, np.repeat(values, len(mesh.points), axis=0), age), THIN)
+    wrong = mapped(mesh, np.repeat(values, len(mesh.points), axis=0), age)
+    for begin in (lambda: prepared(wrong, THIN), lambda: fold(wrong, tmp_path, THIN)):
+        with pytest.raises(InputError, match=word):
+            begin()
 
 
-def test_the_metrics_of_growth_in_place_of_its_map_are_refused() -> None:
-    mesh = ball_mesh(2, radius=10.0)
-    fields = {"growth_to_24_area_ratio": np.ones(len(mesh.points))}
-    with pytest.raises(InputError, match=r"growth_to_24_area_ratio is not a map of growth \(carry the \.func\.gii"):
-        prepared(replace(mesh, point_data=fields), THIN)
-
-
-def test_a_map_beside_another_law_is_refused() -> None:
-    mesh = mapped(ball_mesh(1, radius=10.0), np.zeros((len(ball_mesh(1).points), 6)))
-    with pytest.raises(InputError, match="growth_to_24, and fold.model braingrowth says something else"):
-        prepared(mesh, THIN.with_keys(model="braingrowth", envelope=None))
-    with pytest.raises(InputError, match="the field growth says"):
-        prepared(replace(mesh, point_data={**mesh.point_data, "growth": np.ones(len(mesh.points))}), THIN)
+def test_a_map_beside_another_law_and_metrics_in_its_place_are_refused() -> None:
+    plain, nothing = ball_mesh(1, radius=10.0), np.zeros((len(ball_mesh(1).points), 6))
+    ones = np.ones(len(plain.points))
+    mesh = mapped(plain, nothing)
+    for given, settings, word in (
+        (mesh, THIN.with_keys(model="braingrowth", envelope=None), "growth_to_24.*braingrowth"),
+        (replace(mesh, point_data={**mesh.point_data, "growth": ones}), THIN, "growth"),
+        (replace(plain, point_data={"growth_to_24_area_ratio": ones}), THIN, "growth_to_24_area_ratio.*func.gii"),
+    ):
+        with pytest.raises(InputError, match=word):
+            prepared(given, settings)
 
 
 def test_a_fold_ends_where_its_last_map_does(tmp_path: Path) -> None:
@@ -231,10 +214,4 @@ def test_a_fold_ends_where_its_last_map_does(tmp_path: Path) -> None:
     said = list[str]()
     verdict = fold(mesh, tmp_path, THIN.with_keys(end=24.0), say=said.append)
     assert verdict.gestational_age == pytest.approx(22.5)
-    assert "warning: growth was measured up to 22.5 weeks, so the fold ends there, not at 24" in said
-
-
-def test_a_map_of_an_earlier_age_than_the_mesh_is_refused_as_one(tmp_path: Path) -> None:
-    mesh = mapped(ball_mesh(1, radius=10.0), np.zeros((len(ball_mesh(1).points), 6)), 21.0)
-    with pytest.raises(InputError, match="growth_to_21 is not for an age between that of the mesh, 22 weeks"):
-        fold(mesh, tmp_path, THIN)
+    assert any("warning" in line and "22.5 weeks" in line for line in said)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from itertools import combinations
 from pathlib import Path
-from typing import Any
 
 import numba
 import numpy as np
@@ -274,23 +273,6 @@ def test_a_region_may_stay_elastic() -> None:
     for wrong in ({"region_relaxation": {9: 1.0}}, {"core_relaxation": "elastic", "region_relaxation": {9: "elastic"}}):
         with pytest.raises(InputError, match="fold.region_relaxation names 9"):
             prepared(mesh, YIELDS.with_keys(**wrong))
-
-
-def test_a_killed_run_ends_with_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    ball, ends = ball_mesh(2, radius=10.0), []
-    monkeypatch.setattr("cortet.folding.fold._CHECKPOINT_SECONDS", 0.0)
-
-    def stop(measurements: Any, part: float, seconds: float) -> None:
-        if part > 0.5:
-            raise KeyboardInterrupt
-
-    for name, killed in (("whole", False), ("killed", True)):
-        if killed:
-            with pytest.raises(KeyboardInterrupt):
-                fold(ball, tmp_path / name, YIELDS, stop)
-        fold(ball, tmp_path / name, YIELDS)
-        ends.append(sorted((tmp_path / name / "frames").glob("*.vtu"))[-1].read_bytes())
-    assert ends[0] == ends[1]
 
 
 def test_the_bits_are_the_same_for_any_number_of_threads(tmp_path: Path) -> None:

@@ -130,20 +130,13 @@ def test_what_is_no_depth_is_refused(made: cortet.Mesh, depth: Any) -> None:
         made.to_surface(made.points, depth=depth)
 
 
-def test_other_numbers_of_values_and_other_regions_are_refused(made: cortet.Mesh) -> None:
-    with pytest.raises(InputError, match="3 values for a mesh of .* nodes and .* tetrahedra"):
-        made.to_surface([1.0, 2.0, 3.0])
-    with pytest.raises(InputError, match="3 values for a surface of 642 vertices"):
-        made.from_surface([1.0, 2.0, 3.0])
-    with pytest.raises(InputError, match="no surface 'white' was given"):
-        made.to_surface(made.points, region="white")
-
-
-@pytest.mark.parametrize("values", [3.0, None, [[1.0], [1.0, 2.0]], ["a"], [1j], np.ones((2, 2, 2))])
-def test_what_is_no_list_of_numbers_is_refused(made: cortet.Mesh, values: Any) -> None:
+@pytest.mark.parametrize("values", [3.0, None, [[1.0], [1.0, 2.0]], ["a"], [1j], np.ones((2, 2, 2)), [1.0, 2.0, 3.0]])
+def test_what_is_no_list_of_numbers_of_the_mesh_or_the_surface_is_refused(made: cortet.Mesh, values: Any) -> None:
     for there in (made.to_surface, made.from_surface):
-        with pytest.raises(InputError, match=r"give numbers, \(n,\) or \(n, k\)"):
+        with pytest.raises(InputError, match="numbers|3 values"):
             there(values)
+    with pytest.raises(InputError, match="white"):
+        made.to_surface(made.points, region="white")
 
 
 def test_smoothed_vertices_are_known_by_number_however_far_they_went(made: cortet.Mesh, ball: TriSurface) -> None:
