@@ -56,12 +56,16 @@ def test_there_is_none_where_nothing_goes_evenly_towards_one(
 
 
 def test_a_size_is_small_enough_if_all_smaller_ones_are() -> None:
-    assert large_enough([3.0, 2.0, 1.0], [0.9, 0.96, 0.98], 1.0) == 2.0
-    assert large_enough([3.0, 2.0, 1.0], [1.0, 0.9, 0.98], 1.0) == 1.0
-    assert large_enough([3.0, 2.0, 1.0], [0.7, 0.8, 0.9], 1.0) is None
-    assert large_enough([3.0, 2.0, 1.0], [0.7, 0.97, 1.0], None) == 2.0
-    assert large_enough([3.0, 2.0, 1.0], [0.7, 0.8, 1.0], None) is None  # nothing says that the last one is
-    assert large_enough([3.0, 2.0], [1.0, None], None) is None
+    sizes = [3.0, 2.0, 1.0]
+    for values, limit_is, expected in (
+        ([0.9, 0.96, 0.98], 1.0, 2.0),
+        ([1.0, 0.9, 0.98], 1.0, 1.0),
+        ([0.7, 0.8, 0.9], 1.0, None),
+        ([0.7, 0.97, 1.0], None, 2.0),
+        ([0.7, 0.8, 1.0], None, None),  # nothing says that the last one is
+        ([1.0, None, None], None, None),
+    ):
+        assert large_enough(sizes, values, limit_is) == expected
 
 
 def runs(offset: float = 0.0) -> list[Run]:

@@ -233,17 +233,17 @@ def test_models_that_run_by_themselves_know_no_later_surface(tmp_path: Path) -> 
 
 def test_ages_of_weeks_and_days_are_predicted_as_they_are(tmp_path: Path) -> None:
     age = 22 + 2 / 7  # between two rows of the table, and no frame of its own otherwise
-    surfaces = {
-        at: replace(one, points=5 * one.points) for at, one in ((22.0, bumpy(2.0, 0.1)), (age, bumpy(2.1, 0.15)))
-    }
-    series, mesh = series_of({**surfaces, 23.0: surfaces[age]}), ball_mesh(2, radius=10.0)
+    early, late = (replace(one, points=5 * one.points) for one in (bumpy(2.0, 0.1), bumpy(2.1, 0.15)))
+    series, mesh = series_of({22.0: early, age: late, 23.0: late}), ball_mesh(2, radius=10.0)
     settings = SETTINGS.with_keys(record_interval=0.5, frame_interval=1.0)
     found = predict(series, mesh, "unmapped", tmp_path, settings=settings, until=age)
     assert list(found.points) == [age, 23.0]
     table = pd.read_csv(tmp_path / "fold.tsv", sep="\t")
     assert table["gestational_age"].tolist() == pytest.approx([22.0, age, 22.5, 23.0])
-    sizes = [scores(series, {at: found.points[at]})[0]["volume_mm3"] for at in found.points]
-    start = scores(series, {23.0: series.first.points})[0]["volume_mm3"]
+    start, *sizes = (
+        scores(series, {at: points})[0]["volume_mm3"]
+        for at, points in ((23.0, series.first.points), *found.points.items())
+    )
     assert (sizes[0] - start) / (sizes[1] - start) == pytest.approx(2 / 7, abs=0.1)
     write_run(found, series, tmp_path)
     assert list(predicted_surfaces(tmp_path)) == [age, 23.0]

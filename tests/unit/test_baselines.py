@@ -60,22 +60,24 @@ def test_the_surface_is_turned_outward_and_merged() -> None:
     assert enclosed_volume(points, faces) == pytest.approx(enclosed_volume(ball.points, ball.faces))
 
 
-def test_a_surface_that_crosses_itself_is_an_error_of_the_mesher() -> None:
-    ball = ball_surface(2)
-    shifted = TriSurface(
-        np.vstack([ball.points, ball.points + 3]), np.vstack([ball.faces, ball.faces + len(ball.points)])
-    )
-    with pytest.raises(StageError, match="tetgen failed|tetgen crashed"):
-        tetrahedra(shifted, "tetgen", cell_size=1.0)
-
-
-def test_a_mesher_that_is_not_installed_is_an_error_that_says_so(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_whatever_ends_a_mesher_is_an_error_that_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    ball = ball_surface(1)
+    crossing = TriSurface(np.vstack([ball.points, ball.points + 3]), np.vstack([ball.faces, ball.faces + 42]))
+    with pytest.raises(StageError, match="tetgen (failed|crashed)"):
+        tetrahedra(crossing, "tetgen", cell_size=1.0)
+    with pytest.raises(StageError, match="0.001 minutes"):
+        tetrahedra(ball, "tetgen", cell_size=1.0, time_limit=0.001)
     (tmp_path / "tetgen.py").write_text("import a_module_that_is_not_there")
-    monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(StageError, match="tetgen failed: ModuleNotFoundError: No module named"):
-        tetrahedra(ball_surface(1), "tetgen", cell_size=1.0)
+    with monkeypatch.context() as patch:
+        patch.syspath_prepend(tmp_path)
+        with pytest.raises(StageError, match="ModuleNotFoundError"):
+            tetrahedra(ball, "tetgen", cell_size=1.0)
+    crash = tmp_path / "python"
+    crash.write_text("#!/bin/sh\nkill -SEGV $$\n")
+    crash.chmod(0o755)
+    monkeypatch.setattr(baselines.sys, "executable", str(crash))
+    with pytest.raises(StageError, match="SIGSEGV"):
+        tetrahedra(ball, "tetgen", cell_size=1.0)
 
 
 def test_a_mesh_that_overlaps_itself_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -85,20 +87,6 @@ def test_a_mesh_that_overlaps_itself_is_refused(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(baselines, "tetrahedra", lambda *_, **__: (points, cells))
     with pytest.raises(StageError, match="netgen returned tetrahedra that overlap: both those of 1 faces"):
         generate(ball_surface(1), mesher="netgen", cell_size=1.0)
-
-
-def test_a_mesher_that_takes_too_long_is_stopped() -> None:
-    with pytest.raises(StageError, match="tetgen took longer than 0.001 minutes"):
-        tetrahedra(ball_surface(1), "tetgen", cell_size=1.0, time_limit=0.001)
-
-
-def test_a_crash_of_a_mesher_is_an_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    crash = tmp_path / "python"
-    crash.write_text("#!/bin/sh\nkill -SEGV $$\n")
-    crash.chmod(0o755)
-    monkeypatch.setattr(baselines.sys, "executable", str(crash))
-    with pytest.raises(StageError, match=r"tetgen crashed \(SIGSEGV\)"):
-        tetrahedra(ball_surface(1), "tetgen", cell_size=1.0)
 
 
 @pytest.mark.skipif(not REAL.exists(), reason="no real surfaces in ../shared/data")

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import re
 import subprocess
 import sys
 from importlib import import_module
 from pathlib import Path
 
 import pytest
-import speed
 from shapes import ball_surface
 
 from cortet.formats.gifti import write_surface
-from cortet.measure.quality import opening_bound
 
 pytestmark = pytest.mark.thorough
 
@@ -29,17 +26,6 @@ TINY = {
     "fidelity regions": ["x_pial.surf.gii", "--cell-sizes", "4"],
     "repair": ["x_pial.surf.gii", "--cell-size", "4"],
 }
-
-
-def test_readme_names_the_column_of_each_number_that_it_compares() -> None:
-    """And the two angles that it gives for q = 0.3 are those that the bound allows."""
-    text = (FOLDER.parent / "README.md").read_text()
-    table = text[text.index("| measure (column of the benchmark)") :].split("\n\n")[0].splitlines()[2:]
-    named = re.findall(r"`(\S+?)`", " ".join(table))
-    assert len(named) > len(table) and set(named) <= {*speed.MESH_COLUMNS, *speed.STAGE_COLUMNS}
-    assert all(re.search(r"`\)", row) for row in table)
-    assert opening_bound(32.0) < 0.305 and opening_bound(120.0) == pytest.approx(0.3, abs=1e-3)
-    assert "0.3, which means dihedral angles from 32 to 120 degrees" in text
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)

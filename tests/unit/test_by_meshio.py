@@ -154,18 +154,17 @@ def test_fields_of_elements_of_gmsh_are_left_out_and_this_is_said(
     assert "m.msh: fields of elements" in caplog.text
 
 
-def test_a_file_without_its_data_is_refused(tmp_path: Path) -> None:
+def test_a_file_without_its_data_and_a_series_of_times_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = written(tmp_path / "x.xdmf")
     (tmp_path / "x.h5").unlink()
     assert "x.h5" in refused(path)
-
-
-def test_a_series_of_times_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # meshio puts the data there
-    with meshio.xdmf.TimeSeriesWriter("x.xdmf") as series:
+    with meshio.xdmf.TimeSeriesWriter("y.xdmf") as series:
         series.write_points_cells(CUBE.points, [("tetra", CUBE.cells)])
         series.write_data(0.0, point_data={"depth": FIELDS["depth"]})
-    assert "meshio" in refused(tmp_path / "x.xdmf")
+    assert "meshio" in refused(tmp_path / "y.xdmf")
 
 
 @pytest.mark.parametrize("suffix", [".vtu", ".vtk", ".msh", ".inp", ".bdf", ".xdmf", ".pts"])
@@ -221,16 +220,20 @@ def test_sets_of_abaqus_are_read(tmp_path: Path) -> None:
     sets = rewritten(tmp_path / "m.inp", lines).sets
     assert {name: some.tolist() for name, some in sets.cells.items()} == {"left": [0, 1, 6], "right": [8, 9, 10, 11]}
     assert sets.nodes["some"].tolist() == [0, 4, 8]
+    text = (tmp_path / "m.inp").read_text().replace("\n31, ", "\n*ELEMENT, TYPE=C3D4, ELSET=cortex\n31, ", 1)
+    (tmp_path / "m.inp").write_text(text.replace("ELSET=all_elements", "ELSET=core"))
+    cells = read_mesh(tmp_path / "m.inp").sets.cells  # a block of elements is a set
+    assert np.array_equal(np.sort(np.concatenate([cells["core"], cells["cortex"]])), range(48))
 
 
-def test_blocks_of_elements_have_their_own_sets(tmp_path: Path) -> None:
-    FORMATS["abaqus"].write(CUBE, tmp_path / "m.inp")
-    text = (tmp_path / "m.inp").read_text().replace("ELSET=all_elements", "ELSET=core")
-    text = text.replace("\n31, ", "\n*ELEMENT, TYPE=C3D4, ELSET=cortex\n31, ", 1) if "\n31, " in text else text
-    before, mark, after = text.partition("ELSET=core")
-    (tmp_path / "m.inp").write_text(before + mark + after)
-    cells = read_mesh(tmp_path / "m.inp").sets.cells
-    assert sum(map(len, cells.values())) == 48 and np.array_equal(np.sort(np.concatenate([*cells.values()])), range(48))
+@pytest.mark.parametrize("lines", ["*NODE PRINT, NSET=all_nodes\nU\n*NODE FILE\nU", "** a comment"])
+def test_steps_and_comments_of_abaqus_do_not_matter(tmp_path: Path, lines: str) -> None:
+    rewritten(tmp_path / "m.inp", lines)
+    text = (tmp_path / "m.inp").read_text()
+    assert text.count("\n9, ") > 1
+    (tmp_path / "m.inp").write_text(text.replace("\n9, ", "\n** within a block\n9, "))
+    mesh = read_mesh(tmp_path / "m.inp")
+    assert np.array_equal(mesh.cells, CUBE.cells) and np.allclose(mesh.points, CUBE.points)
 
 
 @pytest.mark.parametrize(
@@ -255,20 +258,6 @@ def test_what_meshio_would_miss_or_take_for_something_else_is_refused(tmp_path: 
     with pytest.raises(InputError) as caught:
         rewritten(tmp_path / "m.inp", lines)
     assert caught.value.file == tmp_path / "m.inp" and caught.value.remedy
-
-
-def test_the_parts_of_a_step_do_not_matter(tmp_path: Path) -> None:
-    mesh = rewritten(tmp_path / "m.inp", "*NODE PRINT, NSET=all_nodes\nU\n*NODE FILE\nU")
-    assert np.array_equal(mesh.cells, CUBE.cells)
-
-
-def test_a_comment_within_a_block_of_abaqus_does_not_end_it(tmp_path: Path) -> None:
-    FORMATS["abaqus"].write(CUBE, tmp_path / "m.inp")
-    text = (tmp_path / "m.inp").read_text()
-    assert text.count("\n9, ") > 1
-    (tmp_path / "m.inp").write_text(text.replace("\n9, ", "\n** half of them\n9, "))
-    mesh = read_mesh(tmp_path / "m.inp")
-    assert np.array_equal(mesh.cells, CUBE.cells) and np.allclose(mesh.points, CUBE.points)
 
 
 # --- other formats of which meshio reads a part

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pytest
 from cubes import cube_mesh
 from pydantic import ValidationError
 from shapes import horseshoe
-from wrong_meshes import sound, with_slit
+from wrong_meshes import sound, touching, with_listed_twice, with_slit, with_swapped_nodes, with_unused_node
 
 from cortet.errors import InputError
 from cortet.geometry.banks import banks, gaps, slits
@@ -63,14 +64,11 @@ def test_the_limit_of_q_is_strict(mesh: TetMesh, surface: TriSurface) -> None:
     ("value", "comparison", "limit", "said"),
     [
         (0.0561234, "<=", 0.05, "0.05612, must not exceed 0.05"),
-        (0.299995, "<", 0.6, "0.3, must be below 0.6"),
         (0.60004, "<", 0.6, "0.60004, must be below 0.6"),
-        (0.599999, "<", 0.6, "0.599999, must be below 0.6"),
         (0.6, "<", 0.6, "0.6, must be below 0.6"),
         (0.1 + 0.2, "<=", 0.3, "0.30000000000000004, must not exceed 0.3"),
         (0.0299999, ">=", 0.03, "0.0299999, must be at least 0.03"),
         (0.1234568, "<=", 0.12345674, "0.1235, must not exceed 0.123457"),
-        (0.1234568, "<=", 0.12345682, "0.1234568, must not exceed 0.12345682"),
         (1234567, "==", 0, "1,234,567, must be 0"),
         (12345.6, "<=", 12346, "12345.6, must not exceed 12346"),
         (0.0561234, None, None, "0.05612, no limit"),
@@ -81,64 +79,50 @@ def test_a_number_has_few_digits_but_tells_on_which_side_of_its_limit_it_is(
 ) -> None:
     check = checked("worst_q", value, comparison, limit)
     assert check.finding == f"worst q {said}"
-    on_page = of_check(asdict(check))
-    assert on_page["value"] == said.rpartition(", ")[0]
+    assert of_check(asdict(check))["value"] == said.rpartition(", ")[0]
 
 
 def test_a_missed_limit_comes_with_number_place_reason_and_remedy(surface: TriSurface) -> None:
-    bad = cube_mesh(4, side=8.0, jitter=0.3)
-    (reason,) = certify(bad, surface).reasons
-    worst = certify(bad, surface).worst_elements[0]
-    assert f"worst q {worst.q:.4g}, must be below 0.6" in reason
-    assert "({:.2f}, {:.2f}, {:.2f}) mm".format(*worst.centre_mm) in reason
-    assert worst.reason in reason
-    assert "`clean`" in reason
+    certificate = certify(cube_mesh(4, side=8.0, jitter=0.3), surface)
+    (reason,), worst = certificate.reasons, certificate.worst_elements[0]
+    for said in (f"{worst.q:.4g}", "({:.2f}, {:.2f}, {:.2f}) mm".format(*worst.centre_mm), worst.reason, "`clean`"):
+        assert said in reason
 
 
-def test_an_inverted_element_is_found(mesh: TetMesh, surface: TriSurface) -> None:
-    cells = mesh.cells.copy()
-    cells[7] = cells[7][[0, 1, 3, 2]]
-    assert "flat_or_inverted_tetrahedra" in failed(certify(TetMesh(mesh.points, cells), surface))
+def in_two_pieces(mesh: TetMesh) -> TetMesh:
+    n = len(mesh.points)
+    return TetMesh(np.concatenate([mesh.points, mesh.points + 20]), np.concatenate([mesh.cells, mesh.cells + n]))
 
 
-def test_overlapping_elements_are_found_by_their_volumes(mesh: TetMesh, surface: TriSurface) -> None:
-    doubled = TetMesh(mesh.points, np.concatenate([mesh.cells, mesh.cells[:1]]))
-    assert "volume_balance" in failed(certify(doubled, surface))
-
-
-def test_unused_nodes_are_found(mesh: TetMesh, surface: TriSurface) -> None:
-    more = TetMesh(np.concatenate([mesh.points, [[1.0, 1.0, 1.0]]]), mesh.cells)
-    assert failed(certify(more, surface)) == {"unused_nodes"}
-
-
-def test_a_mesh_in_two_pieces_is_refused(mesh: TetMesh, surface: TriSurface) -> None:
-    two = TetMesh(
-        np.concatenate([mesh.points, mesh.points + 20]), np.concatenate([mesh.cells, mesh.cells + len(mesh.points)])
-    )
-    names = failed(certify(two, surface, ANY_SIZE))
-    assert names == {"boundary_components", "boundary_euler_number"}
-
-
-def test_a_tunnel_is_refused_though_every_element_is_good(mesh: TetMesh, surface: TriSurface) -> None:
-    centre = mesh.points[mesh.cells].mean(axis=1)
-    hole = (np.abs(centre[:, :2] - 3) < 1).all(axis=1)  # a square tunnel from bottom to top
+def with_tunnel(mesh: TetMesh) -> TetMesh:
+    """A square tunnel from bottom to top; every element is good."""
+    hole = (np.abs(mesh.points[mesh.cells].mean(axis=1)[:, :2] - 3) < 1).all(axis=1)
     nodes = np.unique(mesh.cells[~hole])
-    ring = TetMesh(mesh.points[nodes], np.searchsorted(nodes, mesh.cells[~hole]))
-    certificate = certify(ring, surface, ANY_SIZE)
-    assert failed(certificate) == {"boundary_euler_number"}
-    assert "use a smaller cell size" in certificate.reasons[0]
+    return TetMesh(mesh.points[nodes], np.searchsorted(nodes, mesh.cells[~hole]))
+
+
+@pytest.mark.parametrize(
+    ("fault", "checks"),
+    [
+        (with_swapped_nodes, {"flat_or_inverted_tetrahedra"}),
+        (with_listed_twice, {"volume_balance", "repeated_tetrahedra"}),
+        (with_unused_node, {"unused_nodes"}),
+        (in_two_pieces, {"boundary_components", "boundary_euler_number"}),
+        (with_tunnel, {"boundary_euler_number"}),
+    ],
+)
+def test_each_fault_fails_its_checks(
+    mesh: TetMesh, surface: TriSurface, fault: Callable[[TetMesh], TetMesh], checks: set[str]
+) -> None:
+    found = failed(certify(fault(mesh), surface, ANY_SIZE))
+    assert found >= checks
+    if fault in (with_unused_node, in_two_pieces, with_tunnel):
+        assert found == checks
 
 
 def test_cubes_that_touch_in_an_edge_or_a_corner_are_refused(mesh: TetMesh, surface: TriSurface) -> None:
-    for shift, finding in (
-        ([8, 8, 0], "nonmanifold_edges"),
-        ([8, 8, 8], "pinched_vertices"),
-    ):
-        points, inverse = np.unique(
-            np.round(np.concatenate([mesh.points, mesh.points + shift]), 9), axis=0, return_inverse=True
-        )
-        touching = TetMesh(points, inverse[np.concatenate([mesh.cells, mesh.cells + len(mesh.points)])])
-        certificate = certify(touching, surface, ANY_SIZE)
+    for shift, finding in (((8, 8, 0), "nonmanifold_edges"), ((8, 8, 8), "pinched_vertices")):
+        certificate = certify(touching(mesh, *shift), surface, ANY_SIZE)
         assert finding in failed(certificate)
         assert (8.0, 8.0) in {place[:2] for place in certificate.defects_mm}
         (reason,) = (reason for reason in certificate.reasons if reason.startswith(NAMES[finding]))
@@ -164,8 +148,7 @@ def test_a_boundary_that_passes_through_itself_is_refused_with_the_place(surface
 def test_a_boundary_off_the_surface_is_refused_unless_there_is_no_limit(mesh: TetMesh, surface: TriSurface) -> None:
     away = replace(mesh, points=mesh.points * 1.01)
     certificate = certify(away, surface, Certify(max_boundary_distance=1e-3))
-    assert failed(certificate) == {"node_distance"}
-    assert "0.1386 mm, must not exceed 0.001 mm" in certificate.reasons[0]
+    assert failed(certificate) == {"node_distance"} and "0.1386 mm" in certificate.reasons[0]
     assert certify(away, surface, ANY_SIZE).certified
 
 
@@ -178,8 +161,28 @@ def test_what_s1_found_wrong_cannot_be_hidden_by_later_stages(mesh: TetMesh, sur
 def test_numbers_that_are_none_are_an_error(mesh: TetMesh, surface: TriSurface) -> None:
     points = mesh.points.copy()
     points[3, 1] = np.nan
-    with pytest.raises(InputError, match="1 of 125 nodes of the mesh have coordinates that are not finite"):
+    with pytest.raises(InputError, match="1 of 125 nodes"):
         certify(TetMesh(points, mesh.cells), surface)
+
+
+@pytest.mark.parametrize(
+    ("mesher", "says", "not_says"),
+    [
+        ("lattice", "use a smaller cell size", "mesher `lattice`"),
+        ("cgal", "the mesher `lattice`", "another surface"),
+        (None, "the mesh was made from another surface", "mesher `lattice`"),
+    ],
+)
+def test_a_remedy_fits_what_filled_the_surface_and_names_a_cell_size(
+    mesher: str | None, says: str, not_says: str
+) -> None:
+    failed, passed = (
+        checked("surface_distance", value, "<=", 1.0, remedy=remedies(mesher).loss) for value in (2.0, 0.5)
+    )
+    remedy = with_cell_size(failed, None).remedy
+    assert says in remedy and not_says not in remedy
+    assert ("1.1 mm" in with_cell_size(failed, 1.5).remedy) == ("smaller cell size" in remedy)
+    assert with_cell_size(passed, 1.5) == with_cell_size(passed, None)
 
 
 def test_the_record_is_plain_json_and_the_same_every_time(mesh: TetMesh, surface: TriSurface, tmp_path: Path) -> None:
@@ -286,28 +289,6 @@ def test_a_limit_that_is_none_is_an_error_that_names_it(limit: float) -> None:
             Certify(**{name: limit})
 
 
-@pytest.mark.parametrize(
-    ("mesher", "says", "not_says"),
-    [
-        ("lattice", "use a smaller cell size", "mesher `lattice`"),
-        ("cgal", "the mesher `lattice`", "another surface"),
-        (None, "the mesh was made from another surface", "mesher `lattice`"),
-    ],
-)
-def test_a_remedy_fits_what_filled_the_surface(mesher: str | None, says: str, not_says: str) -> None:
-    check = checked("surface_distance", 2.0, "<=", 1.0, remedy=remedies(mesher).loss)
-    remedy = with_cell_size(check, None).remedy
-    assert says in remedy and not_says not in remedy
-
-
-def test_a_smaller_cell_size_is_named_where_that_of_the_mesh_is_known() -> None:
-    failed = checked("surface_distance", 2.0, "<=", 1.0, remedy=remedies("cgal").loss)
-    assert with_cell_size(failed, 1.5).remedy.startswith("use a smaller cell size (1.1 mm), or the mesher")
-    assert with_cell_size(failed, None).remedy.startswith("use a smaller cell size, or the mesher")
-    passed = checked("surface_distance", 0.5, "<=", 1.0, remedy=remedies("cgal").loss)
-    assert with_cell_size(passed, 1.5) == with_cell_size(passed, None)
-
-
 def test_every_check_has_an_identifier_and_says_in_words_what_it_measures(mesh: TetMesh, surface: TriSurface) -> None:
     certificate = certify(mesh, surface, native=surface, reports={"generate": {"topology_ok": True}})
     of = {check.id: check.name for check in certificate.checks}
@@ -318,7 +299,7 @@ def test_every_check_has_an_identifier_and_says_in_words_what_it_measures(mesh: 
 
 @pytest.mark.parametrize("size", [1e308, 0.0, -1.0, np.nan, np.inf])
 def test_a_cell_size_beyond_its_bounds_checks_nothing(mesh: TetMesh, surface: TriSurface, size: float) -> None:
-    with pytest.raises(InputError, match=r"the cell size in mm is .* \(use 0.05 to 20\)"):
+    with pytest.raises(InputError, match="0.05 to 20"):
         certify(mesh, surface, cell_size=size)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -87,24 +89,26 @@ def test_a_whole_mesh_breaks_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("breakage", "words"),
+    ("breakage", "word"),
     [
-        (swapped_node_pair, "1 of 384 tetrahedra have no positive volume, the first is number 5"),
-        (wrong_sign, "384 of 384 tetrahedra have no positive volume"),
-        (inward_face, "1 triangles face inward, the first is number 8"),
-        (missing_face, "1 boundary faces are missing from the triangles"),
-        (repeated_face, "1 triangles are listed more than once"),
-        (inner_face, "1 triangles are not boundary faces, the first is number"),
-        (interior_node_first, "the 98 surface nodes are not the first nodes: they reach up to node 125"),
-        (node_missing_from_a_set, "node set cortical_surface differs from the nodes of its faces in 1 nodes"),
-        (element_in_no_region, "1 tetrahedra are in no region, or in two"),
-        (field_not_finite, "field thickness has 1 values that are not finite"),
+        (swapped_node_pair, "number 5"),
+        (wrong_sign, "384 of 384"),
+        (inward_face, "inward.* number 8"),
+        (missing_face, "1 .*missing"),
+        (repeated_face, "1 .*more than once"),
+        (inner_face, "not boundary faces"),
+        (interior_node_first, "node 125"),
+        (node_missing_from_a_set, "cortical_surface.* 1 nodes"),
+        (element_in_no_region, "1 tetrahedra.*region"),
+        (field_not_finite, "thickness.*finite"),
     ],
 )
-def test_each_broken_convention_is_named_and_nothing_is_written(breakage, words, tmp_path: Path) -> None:
+def test_each_broken_convention_is_named_and_nothing_is_written(
+    breakage: Callable[[TetMesh], TetMesh], word: str, tmp_path: Path
+) -> None:
     broken = breakage(full_mesh())
     found = broken_conventions(broken)
-    assert words in found[0] and (len(found) == 1 or breakage in (swapped_node_pair, wrong_sign)), found
-    with pytest.raises(StageError, match=words):
+    assert re.search(word, found[0]) and (len(found) == 1 or breakage in (swapped_node_pair, wrong_sign)), found
+    with pytest.raises(StageError, match=word):
         export(broken, tmp_path / "m.inp", solver="abaqus", certificate={"certified": True})
     assert not list(tmp_path.iterdir())

@@ -2,21 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
 from cubes import cube_mesh
 from shapes import ball_surface
+from wrong_meshes import touching
 
 from cortet.geometry.defects import defective_vertices
 from cortet.geometry.topology import boundary_faces, surface_topology
-from cortet.meshes import TetMesh
-
-
-def touching_cubes(shift: list[float]) -> TetMesh:
-    """Two unit cubes, the second shifted, with common nodes where they touch."""
-    cube = cube_mesh(2)
-    both = np.round(np.concatenate([cube.points, cube.points + shift]), 9)
-    points, place = np.unique(both, axis=0, return_inverse=True)
-    return TetMesh(points, place[np.concatenate([cube.cells, cube.cells + len(cube.points)])])
 
 
 def test_a_closed_manifold_has_none() -> None:
@@ -30,15 +21,15 @@ def test_the_rim_of_a_hole_is_found() -> None:
 
 
 def test_a_common_corner_is_found_though_all_edges_are_manifold() -> None:
-    mesh = touching_cubes([1, 1, 1])
+    mesh = touching(cube_mesh(2), 1, 1, 1)
     assert surface_topology(boundary_faces(mesh)).nonmanifold_edges == 0
     assert mesh.points[defective_vertices(boundary_faces(mesh))].tolist() == [[1, 1, 1]]
 
 
 def test_a_common_edge_is_found_with_all_its_vertices() -> None:
-    mesh = touching_cubes([1, 1, 0])
+    mesh = touching(cube_mesh(2), 1, 1, 0)
     assert mesh.points[defective_vertices(boundary_faces(mesh))].tolist() == [[1, 1, 0], [1, 1, 0.5], [1, 1, 1]]
 
 
 def test_two_separate_bodies_are_no_defect_of_a_place() -> None:
-    assert len(defective_vertices(boundary_faces(touching_cubes([3, 0, 0])))) == 0
+    assert len(defective_vertices(boundary_faces(touching(cube_mesh(2), 3, 0, 0)))) == 0

@@ -32,7 +32,6 @@ from cortet.solver_files.results import symmetric
 from cortet.solver_files.surface_map import map_of_file
 
 RADIUS, START, END = 20.0, 28.0, 28.4
-MM = 1e-4  # of float32 in the files
 
 
 @pytest.fixture(scope="module")
@@ -81,9 +80,8 @@ def test_the_stress_is_the_one_that_moves_the_nodes() -> None:
 
 
 def test_a_homogeneous_strain_has_the_same_stress_everywhere() -> None:
-    run = prepared(
-        ball_mesh(2, radius=10.0), Settings(gestational_age=22.0, allow_volume=True, end=23.0, thickness=1e-3)
-    )
+    settings = Settings(gestational_age=22.0, allow_volume=True, end=23.0, thickness=1e-3)
+    run = prepared(ball_mesh(2, radius=10.0), settings)
     moment = beginning(run)
     moment.state.x[:] = moment.state.x @ np.array([[1.1, 0.05, 0.0], [0.0, 0.95, 0.0], [0.0, 0.0, 1.0]])
     measured(run, moment)

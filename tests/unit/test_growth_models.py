@@ -14,7 +14,7 @@ from shapes import ball_mesh
 from cortet.config import load
 from cortet.errors import InputError
 from cortet.folding.fold import fold
-from cortet.folding.growth import HULL, VOLUME, ages_of, by_age, times_of, usual
+from cortet.folding.growth import HULL, VOLUME, by_age, times_of, usual
 from cortet.folding.kernels import grown_volume_of
 from cortet.folding.law import ACROSS, ALONG, CORE
 from cortet.folding.measurements import Measurements
@@ -30,11 +30,6 @@ STARTS: tuple[Literal["free"], Literal["stressed"]] = ("free", "stressed")
 @pytest.fixture(scope="module")
 def ball() -> TetMesh:
     return ball_mesh(2, radius=10.0)
-
-
-def test_ages_are_those_of_their_times() -> None:
-    ages = np.linspace(20, 46, 27)
-    assert ages_of(times_of(ages)) == pytest.approx(ages, abs=1e-12)
 
 
 def test_a_law_by_age_is_a_rate_or_goes_through_a_table_and_never_beyond_it() -> None:

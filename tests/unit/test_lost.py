@@ -45,8 +45,7 @@ def test_the_certificate_refuses_a_filled_sulcus_though_every_node_is_on_the_sur
     assert not checked.certified
     assert len(checked.reasons) == 2, "centres of the faces across the mouth are far from the surface, too"
     (reason,) = (one for one in checked.reasons if one.startswith("distance of the surface"))
-    assert "distance of the surface to the boundary, at most" in reason and "must not exceed 1 mm" in reason
-    assert "1 place beyond the limit: 1 where a sulcus is filled, the worst, filled, at (0.00, 0.00, 6.00) mm" in reason
+    assert "1 mm" in reason and "filled, at (0.00, 0.00, 6.00) mm" in reason
     assert checked.lost_places[0].kind == "filled"
     assert certify(mesh, boundary, limits, cell_size=2.0).certified
 
@@ -62,5 +61,5 @@ def test_without_a_cell_size_the_distance_is_reported_without_a_limit() -> None:
 def test_a_shrunken_mesh_is_refused_for_its_area_and_volume() -> None:
     mesh = ball_mesh(3, radius=9.0)
     checked = certify(mesh, ball_surface(3, radius=10.0), Certify(q_max=0.9999, max_boundary_distance=None))
-    assert ["relative change of the area" in reason for reason in checked.reasons] == [True, False]
-    assert "relative change of the volume 0.271" in checked.reasons[1]
+    area, volume = checked.reasons
+    assert "area" in area and "volume 0.271" in volume

@@ -68,13 +68,6 @@ def test_a_surface_has_the_wall_of_the_body_in_it(hemisphere: str) -> None:
     assert on_surface[1:] == inside[1:]
 
 
-def test_a_surface_may_say_what_its_wall_is() -> None:
-    surface, _ = boundary_surface(block())
-    top = surface.points[:, 2] == 20
-    wall = wall_of(TriSurface(surface.points, surface.faces, {"medial_wall": top.astype(np.int32)}), "L")
-    assert np.array_equal(wall.nodes, top) and wall.found == "the surface marks it (medial_wall)"
-
-
 def test_a_body_without_a_cut_has_its_wall_around_the_middle() -> None:
     mesh = generate(phantom(22.0, subdivisions=4), cell_size=3.0, mesher="lattice")[0]
     wall, scale = wall_of(mesh, "L"), scale_of(mesh, "L")
@@ -83,24 +76,24 @@ def test_a_body_without_a_cut_has_its_wall_around_the_middle() -> None:
     assert np.linalg.norm(mesh.points[wall.nodes].mean(axis=0)[1:] - scale.origin[1:]) < 0.2 * scale.length
 
 
-def test_the_mesh_may_say_what_its_wall_is() -> None:
+def test_the_mesh_or_the_surface_may_say_what_its_wall_is() -> None:
     mesh = block()
-    top = mesh.points[:, 2] == 20
-    faces = boundary_faces(mesh)
-    by_field = TetMesh(mesh.points, mesh.cells, {"medial_wall": top.astype(np.int32)})
-    by_set = TetMesh(mesh.points, mesh.cells, sets=MeshSets(faces={"medial_wall": faces[top[faces].all(axis=1)]}))
-    for marked in (by_field, by_set):
-        wall = wall_of(marked, "L")
-        assert np.array_equal(wall.nodes, top)
-        assert wall.found == "the mesh marks it (medial_wall)"
-        assert prepared(marked, Settings(gestational_age=22.0, hemisphere="L")).body.held.sum() == top.sum()
-
-
-@pytest.mark.parametrize(("value", "words"), [(0, "marks none of the surface"), (1, "marks all of the surface")])
-def test_a_field_that_says_nothing_is_refused(value: int, words: str) -> None:
-    mesh = block()
-    with pytest.raises(InputError, match=words):
-        wall_of(TetMesh(mesh.points, mesh.cells, {"medial_wall": np.full(len(mesh.points), value)}), "L")
+    surface, _ = boundary_surface(mesh)
+    faces, top = boundary_faces(mesh), mesh.points[:, 2] == 20
+    above = surface.points[:, 2] == 20
+    marked = [
+        (TetMesh(mesh.points, mesh.cells, {"medial_wall": top.astype(np.int32)}), top),
+        (TetMesh(mesh.points, mesh.cells, sets=MeshSets(faces={"medial_wall": faces[top[faces].all(axis=1)]})), top),
+        (TriSurface(surface.points, surface.faces, {"medial_wall": above.astype(np.int32)}), above),
+    ]
+    for body, expected in marked:
+        wall = wall_of(body, "L")
+        assert np.array_equal(wall.nodes, expected) and "marks it" in wall.found
+    for body, _ in marked[:2]:
+        assert prepared(body, Settings(gestational_age=22.0, hemisphere="L")).body.held.sum() == top.sum()
+    for value, word in ((0, "none"), (1, "all")):
+        with pytest.raises(InputError, match=word):
+            wall_of(TetMesh(mesh.points, mesh.cells, {"medial_wall": np.full(len(mesh.points), value)}), "L")
 
 
 @pytest.mark.parametrize("name", REAL)

@@ -19,12 +19,13 @@ MESH, SURFACE = ball_mesh(1), ball_surface(1)
 
 @pytest.mark.parametrize("values", [np.zeros(3), np.zeros((3, 2)), np.float64(1)])
 def test_a_field_has_one_value_per_node_or_cell(values) -> None:
-    with pytest.raises(InputError, match=r"field thickness has shape .*, but there are [0-9]+ nodes"):
-        TetMesh(MESH.points, MESH.cells, {"thickness": values})
-    with pytest.raises(InputError, match=r"[0-9]+ cells"):
-        TetMesh(MESH.points, MESH.cells, {}, {"thickness": values})
-    with pytest.raises(InputError, match=r"[0-9]+ vertices"):
-        TriSurface(SURFACE.points, SURFACE.faces, {"thickness": values})
+    for make, of in (
+        (lambda: TetMesh(MESH.points, MESH.cells, {"thickness": values}), "nodes"),
+        (lambda: TetMesh(MESH.points, MESH.cells, {}, {"thickness": values}), "cells"),
+        (lambda: TriSurface(SURFACE.points, SURFACE.faces, {"thickness": values}), "vertices"),
+    ):
+        with pytest.raises(InputError, match=rf"thickness has shape .* \d+ {of}"):
+            make()
 
 
 def test_fields_are_read_only_and_those_of_the_caller_are_not() -> None:
@@ -56,46 +57,36 @@ def test_an_index_of_no_point_is_refused_with_element_and_range(index: int, show
 
 
 @pytest.mark.parametrize(
-    ("cells", "words"),
+    ("points", "cells", "word"),
     [
-        (MESH.cells + 0.5, r"tetrahedron 0 is \[.*\.5\], of type float64, not integer \(give whole numbers\)"),
-        (MESH.cells.astype(float), "of type float64"),
-        (MESH.cells > 0, "of type bool"),
-        (MESH.cells.astype(str), "of type <U"),
-        (MESH.cells[:, :3], r"cells must have shape \(n, 4\), got \(\d+, 3\)"),
-        (MESH.cells[0], r"got \(4,\)"),
-        ([[0, 1, 2, 3], [0, 1]], "cells are not an array"),
+        (MESH.points, MESH.cells + 0.5, r"tetrahedron 0 is .*\.5.*float64"),
+        (MESH.points, MESH.cells.astype(float), "float64"),
+        (MESH.points, MESH.cells > 0, "bool"),
+        (MESH.points, MESH.cells.astype(str), "<U"),
+        (MESH.points, MESH.cells[:, :3], r"\(n, 4\)"),
+        (MESH.points, MESH.cells[0], r"\(4,\)"),
+        (MESH.points, [[0, 1, 2, 3], [0, 1]], "not an array"),
+        (MESH.points + 1j, MESH.cells, "complex128"),
+        (MESH.points.astype(str), MESH.cells, "<U"),
+        (MESH.points[:, :2], MESH.cells, r"\(n, 3\)"),
     ],
 )
-def test_cells_that_are_no_rows_of_whole_numbers_are_refused(cells, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        TetMesh(MESH.points, cells)
+def test_what_is_no_array_of_points_or_cells_is_refused(points, cells, word: str) -> None:
+    with pytest.raises(InputError, match=word):
+        TetMesh(points, cells)
 
 
 @pytest.mark.parametrize(
-    ("points", "words"),
+    ("kind", "members", "word"),
     [
-        (MESH.points + 1j, "points are of type complex128"),
-        (MESH.points.astype(str), "points are of type <U"),
-        (MESH.points[:, :2], r"points must have shape \(n, 3\)"),
+        ("nodes", [LAST + 1], f"x 0 is {LAST + 1}"),
+        ("faces", [[0, 1, 2], [0, 1, -1]], r"x 1 is \[0, 1, -1\]"),
+        ("cells", [len(MESH.cells)], "tetrahedra"),
+        ("cells", [0.5], "float64"),
     ],
 )
-def test_points_that_are_no_real_numbers_are_refused(points, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        TetMesh(points, MESH.cells)
-
-
-@pytest.mark.parametrize(
-    ("kind", "members", "words"),
-    [
-        ("nodes", [LAST + 1], f"entry of set x 0 is {LAST + 1}, but nodes run from 0 to {LAST}"),
-        ("faces", [[0, 1, 2], [0, 1, -1]], r"entry of set x 1 is \[0, 1, -1\]"),
-        ("cells", [len(MESH.cells)], "but tetrahedra run from 0 to"),
-        ("cells", [0.5], "of type float64"),
-    ],
-)
-def test_a_set_names_what_there_is(kind: str, members, words: str) -> None:
-    with pytest.raises(InputError, match=words):
+def test_a_set_names_what_there_is(kind: str, members, word: str) -> None:
+    with pytest.raises(InputError, match=word):
         replace(MESH, sets=MeshSets(**{kind: {"x": np.array(members)}}))
 
 

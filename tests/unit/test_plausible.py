@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -44,18 +45,38 @@ def test_a_hemisphere_in_its_place_is_not_doubted(left: TetMesh) -> None:
     assert check_mesh(placed(left, -1, 2, 3), RIGHT) == []
 
 
+def in_two_pieces(mesh: TetMesh) -> TetMesh:
+    aside = mesh.points + np.array([200.0, 0, 0])
+    return TetMesh(np.vstack([mesh.points, aside]), np.vstack([mesh.cells, mesh.cells + len(mesh.points)]))
+
+
+def scaled(mesh: TetMesh, factor: float) -> TetMesh:
+    return TetMesh(factor * mesh.points, mesh.cells)
+
+
 @pytest.mark.parametrize(
-    ("axes", "settings", "words"),
+    ("change", "settings", "word"),
     [
-        ((1, 2, 3), RIGHT, r"hemisphere R lies at -x .* flattest side of the mesh is \+x .*use --hemi L"),
-        ((-1, -2, 3), LEFT, r"hemisphere L lies at \+x .* is -x .*or turn LPS coordinates to RAS"),
-        ((2, -1, 3), LEFT, r"is -y .*turn the mesh to RAS coordinates"),
-        ((3, 2, -1), LEFT, r"is -z .*turn the mesh to RAS coordinates"),
+        (lambda left: left, RIGHT, r"hemisphere R lies at -x .* \+x .*use --hemi L"),
+        (lambda left: placed(left, -1, -2, 3), LEFT, r"hemisphere L lies at \+x .* -x .*LPS"),
+        (lambda left: placed(left, 2, -1, 3), LEFT, r"-y .*RAS"),
+        (lambda left: placed(left, 3, 2, -1), LEFT, r"-z .*RAS"),
+        (lambda left: scaled(left, 1e-3), LEFT, "metres"),
+        (lambda left: scaled(left, 1e3), LEFT, "micrometres"),
+        (lambda left: scaled(left, 0.6), LEFT, "mL.* 26 weeks"),
+        (in_two_pieces, LEFT.with_keys(allow_volume=True), "2 separate pieces"),
     ],
 )
-def test_a_midline_elsewhere_is_refused(left: TetMesh, axes: tuple[int, ...], settings: Settings, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        check_mesh(placed(left, *axes), settings)
+def test_what_is_no_hemisphere_of_the_age_in_its_place_is_refused(
+    left: TetMesh, change: Callable[[TetMesh], TetMesh], settings: Settings, word: str
+) -> None:
+    with pytest.raises(InputError, match=word):
+        check_mesh(change(left), settings)
+
+
+def test_a_volume_may_be_allowed_and_half_of_a_brain_of_unknown_side_is_not_doubted(left: TetMesh) -> None:
+    assert check_mesh(scaled(left, 0.6), LEFT.with_keys(allow_volume=True)) == []
+    assert check_mesh(left, Settings(gestational_age=26.0)) == []
 
 
 def test_what_is_flatter_on_the_other_side_and_lies_beyond_the_midline_is_refused() -> None:
@@ -88,30 +109,6 @@ def test_of_a_round_body_no_side_is_certain() -> None:
     cut = TetMesh(points, egg.cells)
     assert flatness(cut)[0, 1] > 1.5 * flatness(cut)[0, -1]
     assert [words for words in check_mesh(cut, RIGHT) if "use --hemi L" in words]
-
-
-@pytest.mark.parametrize(("factor", "unit"), [(1e-3, "metres"), (1e3, "micrometres")])
-def test_another_unit_than_mm_is_refused(left: TetMesh, factor: float, unit: str) -> None:
-    with pytest.raises(
-        InputError, match=rf"mm long, and no brain is; its coordinates may be {unit} \(give a mesh in mm"
-    ):
-        check_mesh(TetMesh(factor * left.points, left.cells), LEFT)
-
-
-def test_a_volume_that_is_not_of_the_age_is_refused_unless_allowed(left: TetMesh) -> None:
-    small = TetMesh(0.6 * left.points, left.cells)
-    with pytest.raises(InputError, match="mL, and a human hemisphere of 26 weeks"):
-        check_mesh(small, LEFT)
-    assert check_mesh(small, LEFT.with_keys(allow_volume=True)) == []
-    half_of_unknown_side = Settings(gestational_age=26.0)
-    assert check_mesh(left, half_of_unknown_side) == []
-
-
-def test_several_pieces_are_refused(left: TetMesh) -> None:
-    aside = left.points + np.array([200.0, 0, 0])
-    two = TetMesh(np.vstack([left.points, aside]), np.vstack([left.cells, left.cells + len(left.points)]))
-    with pytest.raises(InputError, match="2 separate pieces"):
-        check_mesh(two, LEFT.with_keys(allow_volume=True))
 
 
 def test_cells_as_coarse_as_the_cortex_are_doubted(left: TetMesh) -> None:

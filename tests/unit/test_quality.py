@@ -78,14 +78,16 @@ def test_radius_ratio_of_the_corner_tetrahedron():
 
 
 @pytest.mark.parametrize(
-    ("valence", "bound"), [(3, 0.300), (4, 0.057), (8, 0.128), (10, 0.241), (12, 0.337), (14, 0.415)]
+    ("angle", "bound"),
+    [
+        *(
+            (360 / valence, q)
+            for valence, q in ((3, 0.300), (4, 0.057), (8, 0.128), (10, 0.241), (12, 0.337), (14, 0.415))
+        ),
+        *((180, 1.0), (160, 0.754), (140, 0.517), (130, 0.405)),
+    ],
 )
-def test_edge_valence_bound(valence, bound):
-    assert quality.opening_bound(360 / valence) == pytest.approx(bound, abs=1e-3)
-
-
-@pytest.mark.parametrize(("angle", "bound"), [(180, 1.0), (160, 0.754), (140, 0.517), (130, 0.405)])
-def test_boundary_edge_bound(angle, bound):
+def test_bound_by_the_angle_at_an_edge_of_a_valence_or_on_the_boundary(angle, bound):
     assert quality.opening_bound(angle) == pytest.approx(bound, abs=1e-3)
 
 

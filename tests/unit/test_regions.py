@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -15,7 +16,6 @@ from cortet.errors import InputError
 from cortet.folding.body import body_of, scale_of, with_interface
 from cortet.folding.fold import fold
 from cortet.folding.section import Settings
-from cortet.formats import FORMATS, read_mesh
 from cortet.formats.gifti import read_surface
 from cortet.geometry.closest_point import closest_points, forest, surface_tree
 from cortet.geometry.intersection import self_intersections
@@ -25,12 +25,11 @@ from cortet.geometry.topology import enclosed_volume, interfaces, sheet, surface
 from cortet.measure.certify import certify
 from cortet.measure.fidelity import boundary_roughness
 from cortet.measure.quality import quality, signed_volumes
-from cortet.meshes import REGION, MeshSets, TetMesh, TriSurface, single_precision
+from cortet.meshes import REGION, MeshSets, TriSurface, single_precision
 from cortet.optimise.backing_off import back_off
 from cortet.phantoms import inset, phantom
 from cortet.pipeline import Meshed, mesh_surface
 from cortet.report.case_page import write_case_page
-from cortet.solver_files.export import export
 from cortet.solver_files.sets import named_sets
 from cortet.stages.clean import clean
 from cortet.stages.generate import Generate, generate
@@ -38,7 +37,6 @@ from cortet.stages.reconnect import reconnect
 from cortet.stages.separate import Regions, separate
 from cortet.stages.smooth_boundary import smooth_boundary
 from cortet.stages.snap import snap
-from cortet.stages.solver_ready import surface_nodes_first
 from cortet.stages.transfer import Transfer, transfer
 
 PAIRS = Path(__file__).parents[3] / "shared" / "data" / "pairs"
@@ -196,19 +194,6 @@ def test_apart_surfaces_stay_as_they_are(pair):
     assert report.surfaces[0].vertices_moved == report.surfaces[0].crossing_faces_before == 0
 
 
-@pytest.mark.parametrize(
-    ("outer", "inner", "words"),
-    [
-        (ball(10.0), ball(14.0), "encloses 11.5 mL, the outer one 4.2 mL"),
-        (ball(14.0), ball(11.0, (8, 0, 0)), "lies up to 5.00 mm outside the one around it, at \\(19.00, "),
-    ],
-    ids=["swapped", "shifted by 5 mm"],
-)
-def test_surfaces_that_do_not_belong_together_are_refused(outer, inner, words):
-    with pytest.raises(InputError, match=words):
-        separate(nested(outer, {"white": inner}), cell_size=1.0)
-
-
 def test_a_surface_may_lie_outside_one_that_has_moved():
     """White gives way to the pial surface by 3 mm, and the ventricle within it, which was inside, follows."""
     inner = {"white": ball(13.8), "ventricle": ball(11.6)}
@@ -218,18 +203,40 @@ def test_a_surface_may_lie_outside_one_that_has_moved():
     assert radii[1].max() < radii[0].min() - 2.5 and not len(self_intersections(joined(sheets(surface))))
 
 
-def test_an_inner_surface_with_a_hole_is_refused_by_name():
-    whole = ball(12.0)
-    torn = TriSurface(whole.points, whole.faces[1:])
-    config = load({"generate": {"cell_size": H}, "repair": {"enabled": False}})
-    with pytest.raises(InputError, match=r"torn.gii: not one closed manifold: 3 open edges"):
-        mesh_surface(nested(ball(15.0), {"white": torn}), config, inner_sources={"white": "torn.gii"})
-
-
 def test_stages_that_know_no_interface_are_refused_beforehand(pair):
     for data in ({"relocate": {"enabled": True}}, {"generate": {"meshers": ["cgal"]}}):
-        with pytest.raises(InputError, match="does not support inner surfaces"):
+        with pytest.raises(InputError, match="inner surfaces"):
             mesh_surface(pair, load(data))
+
+
+def real(name: str) -> TriSurface:
+    if not PAIRS.exists():
+        pytest.skip("no ../shared/data/pairs")
+    return read_surface(PAIRS / f"{name}.surf.gii")
+
+
+def torn() -> TriSurface:
+    whole = ball(12.0)
+    return TriSurface(whole.points, whole.faces[1:])
+
+
+#: outer and inner surface that do not belong together, and a word of why
+STRANGERS: dict[str, tuple[Callable[[], tuple[TriSurface, TriSurface]], str]] = {
+    "swapped": (lambda: (ball(10.0), ball(14.0)), "11.5 mL.*4.2 mL"),
+    "shifted": (lambda: (ball(14.0), ball(11.0, (8, 0, 0))), r"5.00 mm.*\(19.00, "),
+    "a hole": (lambda: (ball(15.0), torn()), "white.*3 open edges"),
+    "two species": (lambda: (real("neonatal_dhcp_w28_lh_pial"), real("adult_fsaverage5_lh_white")), "encloses"),
+    "two subjects": (lambda: (real("neonatal_dhcp_w28_lh_pial"), real("neonatal_dhcp_w30_rh_white")), "one subject"),
+}
+
+
+@pytest.mark.parametrize("case", STRANGERS)
+def test_surfaces_that_do_not_belong_together_are_refused(case):
+    make, word = STRANGERS[case]
+    outer, inner = make()
+    config = load({"generate": {"cell_size": 1.0}, "repair": {"enabled": False}})
+    with pytest.raises(InputError, match=word):
+        mesh_surface(nested(outer, {"white": inner}), config, inner_sources={"white": "white.gii"})
 
 
 def test_the_certificate_sees_a_vertex_off_the_interface_and_a_tetrahedron_on_the_wrong_side(meshed):
@@ -272,101 +279,14 @@ def test_interface_vertices_slide_on_their_surface_and_edges_are_flipped(pair):
         )
 
 
-@pytest.mark.skipif(not PAIRS.exists(), reason="no ../shared/data/pairs")
 def test_a_real_pair_is_separated_at_the_medial_wall():
-    pial, white = (read_surface(PAIRS / f"neonatal_dhcp_w28_lh_{name}.surf.gii") for name in ("pial", "white"))
+    pial, white = (real(f"neonatal_dhcp_w28_lh_{name}") for name in ("pial", "white"))
     surface, report = separate(nested(pial, {"white": white}), cell_size=1.0)
     (did,) = report.surfaces
     assert did.crossing_faces_before > 1000 and did.outside_max_mm < 0.15
     assert did.moved_max_mm < 0.75 and did.moved_mean_mm < 0.1
     depth, _, _ = depths(surface_tree(pial.points, pial.faces), pial, surface.inner["white"].points)
     assert depth.min() == pytest.approx(did.gap_least_mm) and depth.min() > 0.1
-
-
-@pytest.mark.skipif(not PAIRS.exists(), reason="no ../shared/data/pairs")
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        (lambda pial, white: (white, pial), r"encloses 61.5 mL, the outer one 50.5 mL \(exchange them"),
-        (
-            lambda pial, white: (pial, replace(white, points=white.points + np.array([5.0, 0, 0]))),
-            r"lies up to \d\.\d\d mm outside .*, at \(.*% of its vertices by more than 0.5 mm.*in one space",
-        ),
-        (
-            lambda pial, white: (pial, replace(white, faces=np.delete(white.faces, np.arange(30), axis=0))),
-            r"white.surf.gii: not one closed manifold: .* open edges",
-        ),
-    ],
-    ids=["swapped", "shifted", "a hole"],
-)
-def test_bad_pairs_of_a_real_brain_are_refused_in_these_words(change, words):
-    pial, white = (read_surface(PAIRS / f"neonatal_dhcp_w28_lh_{name}.surf.gii") for name in ("pial", "white"))
-    outer, inner = change(pial, white)
-    config = load({"generate": {"cell_size": 1.0}, "repair": {"enabled": False}})
-    with pytest.raises(InputError, match=words):
-        mesh_surface(nested(outer, {"white": inner}), config, inner_sources={"white": "white.surf.gii"})
-
-
-@pytest.mark.skipif(not PAIRS.exists(), reason="no ../shared/data/pairs")
-def test_pairs_of_two_subjects_are_refused_with_the_place():
-    pial = read_surface(PAIRS / "neonatal_dhcp_w28_lh_pial.surf.gii")
-    white = read_surface(PAIRS / "adult_fsaverage5_lh_white.surf.gii")
-    with pytest.raises(InputError, match="encloses"):
-        separate(nested(pial, {"white": white}), cell_size=1.0)
-    other = read_surface(PAIRS / "neonatal_dhcp_w30_rh_white.surf.gii")
-    with pytest.raises(InputError, match="outside the one around it, at .*check that both are of one subject"):
-        separate(nested(pial, {"white": other}), cell_size=1.0)
-
-
-def test_the_same_bits_with_one_and_two_threads(pair, meshed, tmp_path):
-    import os
-    import subprocess
-    import sys
-
-    code = (
-        "import hashlib\n"
-        "import test_regions as t\n"
-        "pair = t.nested(t.ball(14.0), {'white': t.ball(10.0)})\n"
-        "m = t.mesh_surface(pair, t.load({'generate': {'cell_size': t.H}})).mesh\n"
-        "print(hashlib.sha256(m.points.tobytes() + m.cells.tobytes() + m.cell_data['region'].tobytes()).hexdigest())"
-    )
-    found = {
-        subprocess.run(
-            [sys.executable, "-c", code],
-            env={**os.environ, "NUMBA_NUM_THREADS": str(threads), "PYTHONPATH": os.pathsep.join(sys.path)},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout.split()[-1]
-        for threads in (1, 2)
-    }
-    assert len(found) == 1 and isinstance(meshed.mesh, TetMesh)
-
-
-@pytest.mark.parametrize("solver", ["vtu", "abaqus", "fenics", "gmsh", "nastran", "carp"])
-def test_regions_are_materials_and_the_interface_a_named_surface_of_every_format(meshed, tmp_path, solver):
-    mesh = named_sets(meshed.mesh, inner=["white"])
-    path = tmp_path / f"balls{FORMATS[solver].suffix}"
-    export(mesh, path, solver=solver, certificate={"certified": True, "reasons": []})
-    back = read_mesh(path)
-    sets = back.sets
-    assert np.array_equal(back.cell_data[REGION], meshed.mesh.cell_data[REGION])
-    for name in ("cortex", "white"):
-        assert np.array_equal(np.sort(sets.cells[name]), mesh.sets.cells[name])
-    if solver in ("fenics", "gmsh", "vtu"):
-        assert len(sets.faces["white_interface"]) == len(interfaces(meshed.mesh).faces)
-        faces = TriSurface(back.points, sets.faces["white_interface"])
-        assert surface_topology(faces.faces).problems() == []
-        assert volume(faces) == pytest.approx(1000 * meshed.certificate.regions[1].volume_ml)  # outward
-
-
-def test_several_inner_regions_are_sets_by_name():
-    inner = {"white": ball(10.0), "deep": ball(5.0)}
-    mesh, _ = generate(nested(ball(14.0), inner), cell_size=H)
-    sets = named_sets(surface_nodes_first(mesh)[0], inner=["white", "deep"]).sets
-    assert sets.cells.keys() == {"core", "cortex", "white", "deep"}
-    assert len(sets.cells["core"]) == len(sets.cells["white"]) + len(sets.cells["deep"])
-    assert sets.faces.keys() == {"cortical_surface", "white_interface", "deep_interface"}
 
 
 def test_the_outer_region_is_what_grows_in_the_direction_across_it(meshed):
@@ -414,8 +334,7 @@ def test_an_inner_surface_elsewhere_is_warned_about(meshed, caplog):
     surface = nested(ball(14.0), {"white": ball(8.0)})
     with caplog.at_level("WARNING"):
         _, report = transfer(replace(meshed.mesh, point_data={}), surface)
-    assert "nodes of the interface white are more than 1 mm from white, the furthest 2.0" in caplog.text
-    assert "boundary nodes" not in caplog.text and report.nodes_further_than_1mm > 0
+    assert "white" in caplog.text and "2.0" in caplog.text and report.nodes_further_than_1mm > 0
 
 
 @pytest.mark.parametrize("interior", ["nearest", "harmonic"])

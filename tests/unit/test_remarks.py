@@ -50,7 +50,7 @@ def test_a_gap_that_would_make_triangles_cross_is_halved_and_told(monkeypatch: p
     assert told(inner=13.7)[-1].startswith("white keeps 0.5 mm from the surface around it instead of 1 mm")
     assert tried == [1.0, 0.5]
     monkeypatch.setattr(stage, "_SHARES", (1.0,))
-    with pytest.raises(Exception, match="cannot be moved 1 mm away from the one around it: 1 triangles still cross"):
+    with pytest.raises(Exception, match="1 triangles still cross"):
         told(inner=13.7)
 
 
@@ -60,16 +60,13 @@ def test_a_repair_is_told_from_half_a_per_cent_of_the_volume_on() -> None:
     assert remarks({}, {}) == ()
 
 
-@pytest.mark.parametrize(("inner", "said"), [(14.0, "100%"), (13.99, "100%")])
-def test_an_inner_surface_that_is_the_one_around_it_is_refused_with_both_files(
-    inner: float, said: str, tmp_path: Path
-) -> None:
+@pytest.mark.parametrize("inner", [14.0, 13.99])
+def test_an_inner_surface_that_is_the_one_around_it_is_refused_with_both_files(inner: float, tmp_path: Path) -> None:
     """An equal one was certified: all of the region between the two was what had given way."""
     files = [tmp_path / "lh.pial.surf.gii", tmp_path / "lh.white.surf.gii"]
     for file, radius in zip(files, (14.0, inner), strict=True):
         write_surface(ball_surface(4, radius=radius), file)
-    words = rf"{files[0]} and {files[1]}: {said} of the inner surface white lies on the one around it.*\(give two"
-    with pytest.raises(InputError, match=words):
+    with pytest.raises(InputError, match=rf"{files[0]} and {files[1]}: 100%"):
         cortet.mesh(files[0], 2.0, inner={"white": files[1]}, progress=False)
 
 

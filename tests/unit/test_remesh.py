@@ -166,13 +166,6 @@ def test_thickness_of_a_ball_is_its_diameter_and_outside_there_is_no_limit():
     assert (thickness(tree, ball.points, normals, 20.0, inside=False) == 20.0).all()
 
 
-def test_the_same_bits_each_time():
-    ring = horseshoe(gap=0.3)
-    one, two = (remeshed(ring, 1.0) for _ in range(2))
-    assert one.surface.points.tobytes() == two.surface.points.tobytes()
-    assert one.surface.faces.tobytes() == two.surface.faces.tobytes()
-
-
 def test_the_sulci_and_blades_of_a_real_brain_are_kept():
     path = Path(__file__).parents[3] / "shared" / "data" / "folded" / "macaque_lh.YRK.wm.surf.gii"
     if not path.exists():

@@ -77,39 +77,27 @@ def test_the_medial_wall_is_where_its_label_is():
     assert np.array_equal(mesh.sets.nodes["medial_wall"], np.unique(wall))
 
 
-def test_every_label_is_a_set_of_surface_nodes_and_of_faces():
-    mesh = full_mesh()
-    labels, surface = mesh.point_data["area"], boundary_nodes(mesh)
-    assert mesh.sets.nodes.keys() == {"cortical_surface", "medial_wall", "area_Medial_wall", "area_V1", "area_12"}
-    for name, key in (("area_Medial_wall", 0), ("area_V1", 3), ("area_12", 12)):
-        assert np.array_equal(mesh.sets.nodes[name], surface[labels[surface] == key])
-    faces = [mesh.sets.faces[name] for name in ("area_Medial_wall", "area_V1", "area_12")]
-    assert sum(map(len, faces)) == len(boundary_faces(mesh))
-
-
-def test_the_labels_divide_the_cortex_into_sets_of_tetrahedra():
+def test_every_label_is_a_set_of_surface_nodes_of_faces_and_of_tetrahedra():
     """So that each parcel can have a material of its own."""
     mesh = full_mesh()
-    parcels = [mesh.sets.cells[name] for name in ("area_Medial_wall", "area_V1", "area_12")]
-    assert np.array_equal(np.sort(np.concatenate(parcels)), mesh.sets.cells["cortex"])
-    of_nodes = mesh.point_data["area"][mesh.cells[mesh.sets.cells["area_V1"]]]
+    labels, surface = mesh.point_data["area"], boundary_nodes(mesh)
+    names = {"area_Medial_wall": 0, "area_V1": 3, "area_12": 12}
+    assert mesh.sets.nodes.keys() == {"cortical_surface", "medial_wall", *names}
+    for name, key in names.items():
+        assert np.array_equal(mesh.sets.nodes[name], surface[labels[surface] == key])
+    assert sum(len(mesh.sets.faces[name]) for name in names) == len(boundary_faces(mesh))
+    parcels = np.concatenate([mesh.sets.cells[name] for name in names])
+    assert np.array_equal(np.sort(parcels), mesh.sets.cells["cortex"])
+    of_nodes = labels[mesh.cells[mesh.sets.cells["area_V1"]]]
     assert ((of_nodes == 3).sum(axis=1) >= 2).all()
 
 
-def test_a_tetrahedron_has_the_label_of_most_of_its_nodes():
+def test_a_label_is_that_of_most_nodes_or_else_of_the_first():
     values = np.array([1, 1, 2, 3, 2])
-    assert cell_labels(values, np.array([[0, 1, 2, 3], [2, 3, 4, 0], [0, 2, 3, 4], [2, 0, 1, 4]])).tolist() == [
-        1,
-        2,
-        2,
-        2,
-    ]
-
-
-def test_a_face_has_the_label_of_two_nodes_or_else_of_the_first():
-    values = np.array([1, 2, 3])
+    cells = np.array([[0, 1, 2, 3], [2, 3, 4, 0], [0, 2, 3, 4], [2, 0, 1, 4]])
+    assert cell_labels(values, cells).tolist() == [1, 2, 2, 2]
     corners = np.array([[0, 0, 1], [0, 1, 0], [1, 0, 0], [1, 1, 1], [0, 1, 2], [2, 1, 0]], np.int32)
-    assert face_labels(values, corners).tolist() == [1, 1, 1, 2, 1, 3]
+    assert face_labels(np.array([1, 2, 3]), corners).tolist() == [1, 1, 1, 2, 1, 3]
 
 
 @pytest.mark.parametrize(
@@ -123,28 +111,29 @@ def test_a_face_has_the_label_of_two_nodes_or_else_of_the_first():
         ("tissue_Großhirn äö", [], "tissue_Grohirn_ao"),
     ],
 )
-def test_names_are_such_that_every_solver_takes_them(text, taken, name):
+def test_names_are_such_that_every_solver_takes_them(ball, text, taken, name):
     assert set_name(text, taken) == name
-
-
-def test_a_label_whose_name_has_no_letter_for_solvers_is_named_by_its_key(ball):
     labelled = replace(ball, point_data={"area": (ball.points[:, 0] > 0) + 3})
     faces = named_sets(labelled, label_names={"area": {3: "皮質", 4: "V1"}}).sets.faces
-    assert {"area_3", "area_V1"} <= faces.keys()
+    assert {"area_3", "area_V1"} <= faces.keys(), "a name without a letter for solvers is replaced by its key"
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "word"),
     [
-        ({"medial_wall": {"parcels": [0]}}, "no label field parcels.*name one of area"),
-        ({"medial_wall": {"area": [0, 3, 12]}}, "every face belongs to it"),
-        ({"cortex_thickness": "area"}, "no scalar field area"),
-        ({"cortex_thickness": "thick"}, "no scalar field thick .*name one of thickness, normal, area"),
+        ({"medial_wall": {"parcels": [0]}}, "parcels.*area"),
+        ({"medial_wall": {"area": [0, 3, 12]}}, "every face"),
+        ({"cortex_thickness": "area"}, "area"),
+        ({"cortex_thickness": "thick"}, "thick .*thickness, normal, area"),
+        ({"tissues": ["large"], "tags": "large"}, "9999998"),
     ],
 )
-def test_fields_that_are_not_there_are_named(arguments, words):
-    with pytest.raises(InputError, match=words):
-        named_sets(full_mesh(), **arguments)
+def test_fields_that_are_not_there_or_that_no_file_holds_are_refused(arguments, word):
+    mesh = full_mesh()
+    for largest in (10**7 - 1, 2**31 - 1, 2**33):
+        labels = np.where(np.arange(len(mesh.cells)) % 2, 0, largest)
+        with pytest.raises(InputError, match=word):
+            named_sets(replace(mesh, cell_data={"large": labels}), **arguments)
 
 
 def test_sets_follow_when_nodes_are_renumbered():
@@ -153,11 +142,3 @@ def test_sets_follow_when_nodes_are_renumbered():
     ready, _ = surface_nodes_first(mesh)
     assert np.array_equal(ready.sets.faces["cortical_surface"], boundary_faces(ready))
     assert np.array_equal(ready.sets.nodes["cortical_surface"], boundary_nodes(ready))
-
-
-@pytest.mark.parametrize("largest", [10**7 - 1, 2**31 - 1, 2**33])
-def test_labels_that_no_file_holds_are_refused_as_regions(largest: int) -> None:
-    mesh = ball_mesh(2, radius=5.0)
-    labels = np.where(np.arange(len(mesh.cells)) % 2, 0, largest)
-    with pytest.raises(InputError, match="no labels t from 0 to 9999998"):
-        named_sets(replace(mesh, cell_data={"t": labels}), tissues=["t"], tags="t")

@@ -65,28 +65,24 @@ def test_an_envelope_holds_two_bodies_and_refuses_those_too_far_apart() -> None:
         envelope([left, far], 1.0)
 
 
-def test_region_0_is_named_after_what_lies_in_it() -> None:
-    assert region_names(["white"]) == ["cortex", "white"]
-    assert region_names(["cortex", "white"]) == ["csf", "cortex", "white"]
-    assert region_names(["cortexL", "cortexR"]) == ["csf", "cortexL", "cortexR"]
-    assert region_names(["csf", "brain"]) == ["skull", "csf", "brain"]
-    with pytest.raises(InputError, match="the inner surface csf is named as what lies around the brain"):
-        region_names(["csf", "white"])
-
-
-@pytest.mark.parametrize(
-    ("inner", "words"),
-    [
-        (["white", "WHITE"], "would be named WHITE, and the region white is, too"),
-        (["Cortex"], "would be named Cortex, and the region cortex is, too"),
-        (["white", "CSF", "cortexL"], "would be named CSF, and the region csf is, too"),
-        (["core", "white"], "would be named core, and all that lies inside the cortex is, too"),
-    ],
-)
-def test_no_two_regions_share_a_name(inner: list[str], words: str) -> None:
+def test_region_0_is_named_after_what_lies_in_it_and_no_two_share_a_name() -> None:
     """Abaqus and others do not tell upper from lower case."""
-    with pytest.raises(InputError, match=words):
-        region_names(inner)
+    for inner, names in (
+        (["white"], ["cortex", "white"]),
+        (["cortex", "white"], ["csf", "cortex", "white"]),
+        (["cortexL", "cortexR"], ["csf", "cortexL", "cortexR"]),
+        (["csf", "brain"], ["skull", "csf", "brain"]),
+    ):
+        assert region_names(inner) == names
+    for inner, name in (
+        (["csf", "white"], "csf"),
+        (["white", "WHITE"], "WHITE"),
+        (["Cortex"], "Cortex"),
+        (["white", "CSF", "cortexL"], "CSF"),
+        (["core", "white"], "core"),
+    ):
+        with pytest.raises(InputError, match=name):
+            region_names(inner)
 
 
 def test_a_hole_is_the_surface_of_its_name_or_else_the_pieces_of_a_label() -> None:
@@ -97,14 +93,14 @@ def test_a_hole_is_the_surface_of_its_name_or_else_the_pieces_of_a_label() -> No
 
 def test_holes_and_formats_that_cannot_tell_them_are_refused_together() -> None:
     for name, form in FORMATS.items():
+        require_holes([], name)
         if form.names_faces:
             require_holes(["ventricle"], name)
         else:
-            with pytest.raises(InputError, match=f"{form.suffix} files cannot tell the hole ventricle from a void"):
+            with pytest.raises(InputError, match=f"{form.suffix}.*ventricle"):
                 require_holes(["ventricle"], name)
-        require_holes([], name)
     config = load({"export": {"formats": ["vtu", "stl"], "holes": ["ventricle"]}})
-    with pytest.raises(InputError, match=r"\.stl files cannot tell the hole ventricle from a void"):
+    with pytest.raises(InputError, match=r"\.stl.*ventricle"):
         config.require_workflow()
 
 
@@ -117,16 +113,6 @@ def test_the_shell_is_a_certified_region_around_the_cortex(made: cortet.Mesh) ->
     assert regions["cortex"].volume_ml == pytest.approx(pial - white, rel=0.08)
     assert regions["csf"].volume_ml > 4 / 3 * np.pi * 13**3 / 1000 - pial
     assert [(one.name, one.around) for one in made.certificate.interfaces] == [("cortex", "csf"), ("white", "cortex")]
-
-
-@pytest.mark.parametrize("suffix", [".vtu", ".inp", ".msh", ".xdmf", ".bdf", ".pts"])
-def test_every_format_tells_the_space_from_cortex_and_core(made: cortet.Mesh, tmp_path: Path, suffix: str) -> None:
-    path = made.save(tmp_path / f"m{suffix}")
-    back = read_mesh(path)
-    by_name = {name: len(cells) for name, cells in back.sets.cells.items()}
-    counts = {one.name: one.tetrahedra for one in made.certificate.regions}
-    assert {name: by_name[name] for name in ("csf", "cortex", "white")} == counts
-    assert [back.cell_data["region"][back.sets.cells[name][0]] for name in counts] == [1, 2, 3]
 
 
 def test_a_brain_without_a_white_surface_has_a_cortex_by_depth(tmp_path: Path) -> None:
@@ -188,11 +174,11 @@ def test_a_volume_of_the_brain_alone_is_in_place_within_a_shell(tmp_path: Path) 
 
 
 def test_what_a_shell_does_not_go_with_is_said(made: cortet.Mesh) -> None:
-    with pytest.raises(InputError, match="an inner surface is named cortex"):
+    with pytest.raises(InputError, match="cortex"):
         with_shell(nested(ball_surface(3, radius=9), {"cortex": ball_surface(3)}), 2.0)
-    with pytest.raises(InputError, match="region csf around the brain"):
+    with pytest.raises(InputError, match="csf"):
         cortet.fold(made, ga=24, progress=False)
-    with pytest.raises(InputError, match="distance of the shell in mm is 0.1"):
+    with pytest.raises(InputError, match="0.1"):
         cortet.mesh(ball_surface(3), H, shell=0.1)
 
 
@@ -202,22 +188,25 @@ def test_the_command_makes_shell_hole_and_records_and_checks_again(
     monkeypatch.chdir(tmp_path)
     for name, radius in (("pial", 10.0), ("white", 8.5), ("ventricle", 6.0)):
         write_surface(ball_surface(4, radius=radius), tmp_path / f"{name}.surf.gii")
-    given = "mesh pial.surf.gii --inner white.surf.gii --inner ventricle=ventricle.surf.gii --cell-size 2 --shell 3"
-    assert main([*given.split(), "-o", "head.vtu"]) == 0
-    assert main(["certify", "head.vtu"]) == 0
-    checked = "certify head.vtu pial.surf.gii --inner white.surf.gii --inner ventricle=ventricle.surf.gii"
-    assert main(checked.split()) == 0
-    assert main(["fold", "head.vtu", "--ga", "24", "-o", "fold"]) == 1
-    assert "region csf around the brain (mesh the brain without a shell)" in capsys.readouterr().err
-    assert main([*given.split(), "--hole", "tumour", "-o", "hollow.vtu"]) == 1
-    assert "the hole tumour is not a region inside an inner surface" in capsys.readouterr().err
+    inner = "--inner white.surf.gii --inner ventricle=ventricle.surf.gii"
 
-    capsys.readouterr()
-    assert main([*given.split(), "--hole", "ventricle", "-o", "hollow.stl"]) == 1
-    refused = capsys.readouterr()
-    assert ".stl files cannot tell the hole ventricle from a void" in refused.err and not refused.out  # before any work
+    def command(words: str) -> int:
+        return main(words.replace("MESH", f"mesh pial.surf.gii {inner} --cell-size 2 --shell 3").split())
 
-    assert main([*given.split(), "--hole", "ventricle", "-o", "hollow.vtu"]) == 0
+    def refused(words: str, word: str) -> bool:
+        """Before any work, of which the command would print something."""
+        capsys.readouterr()
+        code, said = command(words), capsys.readouterr()
+        return code == 1 and word in said.err and not said.out
+
+    assert command("MESH -o head.vtu") == command("MESH --hole ventricle -o hollow.vtu") == 0
+    assert command("certify head.vtu") == command(f"certify head.vtu pial.surf.gii {inner}") == 0
+    assert refused("fold head.vtu --ga 24 -o fold", "csf")
+    assert refused("MESH --hole tumour -o other.vtu", "tumour")
+    assert refused("MESH --hole ventricle -o hollow.stl", ".stl")
+    for words in ("certify hollow.vtu", "fold hollow.vtu --ga 24 -o f", "quadratic hollow.vtu -o q.vtu"):
+        assert refused(words, "whole mesh")
+
     whole, hollow = vtu.read(tmp_path / "head.vtu"), vtu.read(tmp_path / "hollow.vtu")
     assert len(whole.cells) - len(hollow.cells) == len(whole.sets.cells["ventricle"])
     lost = signed_volumes(whole.points, whole.cells).sum() - signed_volumes(hollow.points, hollow.cells).sum()
@@ -228,21 +217,13 @@ def test_the_command_makes_shell_hole_and_records_and_checks_again(
     assert (inwards < 0).all()  # outward of the mesh is into the hole
     assert len(wall) + len(hollow.sets.faces["outer_surface"]) == len(boundary_faces(hollow))
     assert json.loads((tmp_path / "hollow.vtu.json").read_text())["made_from"]["holes"] == ["ventricle"]
-    capsys.readouterr()
-    assert main(["certify", "hollow.vtu"]) == 1
-    assert "is without the tetrahedra inside ventricle, and this takes a whole mesh" in capsys.readouterr().err
-    for command in ("fold hollow.vtu --ga 24 -o f", "quadratic hollow.vtu -o q.vtu"):
-        assert main(command.split()) == 1
-        assert "this takes a whole mesh (mesh again without holes)" in capsys.readouterr().err
-    capsys.readouterr()
-    for name in FORMATS:
-        suffix = FORMATS[name].suffix
-        done = main(["convert", "hollow.vtu", f"other{suffix}"])
+    for name, form in FORMATS.items():
+        done = command(f"convert hollow.vtu other{form.suffix}")
         assert done == (name in ("braingrowth", "stl", "gifti")), name  # which cannot tell a hole from a void
 
 
 def test_an_envelope_from_the_command_is_the_outer_surface_of_two_halves(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for side, x in (("L", -6.0), ("R", 6.0)):
@@ -250,12 +231,10 @@ def test_an_envelope_from_the_command_is_the_outer_surface_of_two_halves(
         write_surface(TriSurface(ball.points + np.array([x, 0, 0]), ball.faces), tmp_path / f"{side}.surf.gii")
     command = "envelope L.surf.gii R.surf.gii --distance 2 -o skull.surf.gii"
     assert main(command.split()) == 0
-    assert "at least 2 mm away" in capsys.readouterr().out
     skull = read_surface("skull.surf.gii")
     assert enclosed_volume(skull.points, skull.faces) > 2000
     with pytest.raises(SystemExit):
         main(["envelope", "L.surf.gii", "-o", "skull.vtu"])
-    assert "'skull.vtu' is not the name of a GIfTI file" in capsys.readouterr().err
     command = "mesh skull.surf.gii --inner cortexL=L.surf.gii --inner cortexR=R.surf.gii --cell-size 1.5 -o head.inp"
     assert main(command.split()) == 0
     sets = read_mesh(tmp_path / "head.inp").sets.cells

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
 import nibabel
@@ -83,33 +84,31 @@ def test_the_seed_turns_the_sources_with_the_surface(spot: tuple[str, str]) -> N
 
 
 @pytest.mark.parametrize(
-    ("sizes", "words"),
+    ("sizes", "word"),
     [
-        ({"thalamus": 1.0}, "the mesh has no region thalamus (name one of cortex"),
-        ({"cortex": 0.1}, "cortex asks for cells of 0.1 mm, less than 0.7 mm"),
-        ({"cortex": None}, "the region cortex has no size"),
-        ({"LABELS:7": 0.2}, "asks for cells of 0.2 mm"),
-        ({"LABELS:9": 1.0}, "has no label '9'"),
+        ({"thalamus": 1.0}, "thalamus.*cortex"),
+        ({"cortex": 0.1}, "0.1 mm.*0.7 mm"),
+        ({"cortex": None}, "no size"),
+        ({"LABELS:7": 0.2}, "0.2 mm"),
+        ({"LABELS:9": 1.0}, "'9'"),
+        ({"LABELS": None}, "labels"),
         ({"gone.nii.gz:1": 1.0}, "gone.nii.gz"),
     ],
 )
-def test_sizes_that_cannot_be_are_refused(spot: tuple[str, str], sizes: dict[str, float | None], words: str) -> None:
+def test_sizes_that_cannot_be_are_refused_before_any_stage(
+    spot: tuple[str, str], sizes: dict[str, float | None], word: str, tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
     asked = {name.replace("LABELS", spot[0]): size for name, size in sizes.items()}
-    with pytest.raises(InputError) as refused:
-        cortet.mesh(ball_surface(3, radius=10.0), H, settings={"generate": {"sizes": asked}}, progress=False)
-    assert words in str(refused.value)
-
-
-def test_the_command_refuses_them_before_any_stage(
-    spot: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    write_surface(ball_surface(4, radius=10.0), tmp_path / "ball.surf.gii")
+    ball = ball_surface(3, radius=10.0)
+    with pytest.raises(InputError, match=word):
+        cortet.mesh(ball, H, settings={"generate": {"sizes": asked}}, progress=False)
+    write_surface(ball, tmp_path / "ball.surf.gii")
     command = ["mesh", str(tmp_path / "ball.surf.gii"), "--cell-size", "2", "-o", str(tmp_path / "ball.vtu")]
-    for sizes in ("thalamus=1", f"{spot[0]}:7=0.3", f"{spot[0]}"):
-        assert main([*command, "--size", sizes]) == 1
-        said = capsys.readouterr()
-        assert "gate" not in said.out and said.err
-    assert "holds labels, not cell sizes in mm (name labels: FILE:5,6=MM)" in said.err
+    for name, size in asked.items():
+        with contextlib.suppress(SystemExit):  # a region without a size is wrong usage
+            assert main([*command, "--size", name if size is None else f"{name}={size}"]) == 1
+    assert "gate" not in capsys.readouterr().out
 
 
 def test_other_meshers_and_cohorts_refuse_them() -> None:
@@ -120,9 +119,7 @@ def test_other_meshers_and_cohorts_refuse_them() -> None:
     load({"generate": {"sizes": {"white": 0.5}}}).require_workflow()
 
 
-def test_the_command_takes_sizes(
-    spot: tuple[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_takes_sizes(spot: tuple[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     write_surface(ball_surface(4, radius=10.0), tmp_path / "ball.surf.gii")
     command = ["mesh", "ball.surf.gii", "--cell-size", "2", "-o", "ball.vtu"]
@@ -132,4 +129,3 @@ def test_the_command_takes_sizes(
     assert len(vtu.read(tmp_path / "ball.vtu").cells) > first
     with pytest.raises(SystemExit):
         main([*command, "--size", "fine"])
-    assert "is not REGION=MM" in capsys.readouterr().err

@@ -7,14 +7,12 @@ import os
 import random
 import re
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from damages import outcome, place_damaged, seeds
+from damages import Seeds, outcome, place_damaged, seeds
 from exported import full_mesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -31,33 +29,28 @@ from cortet.meshes import TetMesh
 from cortet.solver_files.export import convert, export, write
 from cortet.solver_files.sidecar import sidecar_path
 
-VOLUMES = ["dseg", "aseg", "fa", "dti"]
+#: of the files that `damages` makes
 KINDS = [
     *(name for name in FORMATS if name not in ("braingrowth", "febio")),
-    "gate",
-    "repair",
-    "affine",
-    "fields",
-    "sheet",
-    "config",
-    "release",
-]
-KINDS += [
-    "xdmf_of_meshio",
-    "plain_xdmf_of_meshio",
-    "text_stl",
-    "ply",
-    "text_ply",
-    "obj",
-    "lh_thickness",
-    "lh_aparc_annot",
-    *VOLUMES,
+    *(
+        "xdmf_of_meshio",
+        "plain_xdmf_of_meshio",
+        "gate",
+        "repair",
+        "fields",
+        "text_stl",
+        "ply",
+        "text_ply",
+        "obj",
+        "off",
+    ),
+    *("lh_thickness", "lh_aparc_annot", "dseg", "aseg", "fa", "dti", "affine", "sheet", "config", "release"),
 ]
 XML = {"fenics": "m.xdmf", "gifti": "m.surf.gii"}
 
 
 @pytest.fixture(scope="module")
-def valid(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
+def valid(tmp_path_factory: pytest.TempPathFactory) -> Seeds:
     return seeds(tmp_path_factory.mktemp("valid"))
 
 
@@ -74,6 +67,7 @@ def written(mesh: TetMesh, folder: Path, name: str) -> Path:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_damaged_files_are_refused_or_give_a_sound_result(kind: str, valid, tmp_path: Path) -> None:
+    assert set(KINDS) == set(valid)
     file, read = valid[kind]
 
     @settings(

@@ -7,7 +7,7 @@ import pytest
 from cubes import cube_mesh
 
 from cortet.geometry.topology import boundary_faces, boundary_nodes, edges
-from cortet.measure.quality import quality
+from cortet.measure.quality import opening_bound, quality
 from cortet.measure.worst import fans, valence_bound, worst_elements
 from cortet.meshes import TetMesh
 
@@ -22,21 +22,14 @@ def around_an_edge(count: int, radius: float = 1.0, height: float = 1.0) -> TetM
     return TetMesh(points, np.stack([bottom, k, (k + 1) % count, top], axis=1))
 
 
-def test_three_tetrahedra_around_an_edge_reach_the_bound_and_cannot_pass_it() -> None:
-    bound = valence_bound(fans(around_an_edge(3)))
-    assert bound.interior_q == pytest.approx(0.300, abs=5e-4)
-    assert bound.interior_edges_of_valence_3 == 1
-    best = min(
-        quality(mesh.points, mesh.cells).max()
-        for height in np.linspace(0.3, 3, 400)
-        for mesh in [around_an_edge(3, height=height)]
-    )
+@pytest.mark.parametrize("count", [3, 4, 8, 10, 12, 14])
+def test_tetrahedra_around_an_edge_reach_the_bound_and_cannot_pass_it(count: int) -> None:
+    bound = valence_bound(fans(around_an_edge(count)))
+    assert bound.interior_q == pytest.approx(opening_bound(360 / count), abs=5e-4)
+    assert bound.interior_edges_of_valence_3 == (count == 3)
+    meshes = (around_an_edge(count, height=height) for height in np.linspace(0.3, 3, 400))
+    best = min(quality(mesh.points, mesh.cells).max() for mesh in meshes)
     assert best == pytest.approx(bound.interior_q, abs=1e-4)
-
-
-@pytest.mark.parametrize(("count", "bound"), [(4, 0.057), (8, 0.128), (10, 0.241), (12, 0.337), (14, 0.415)])
-def test_the_bound_of_higher_valences(count: int, bound: float) -> None:
-    assert valence_bound(fans(around_an_edge(count))).interior_q == pytest.approx(bound, abs=5e-4)
 
 
 def test_a_boundary_edge_in_one_tetrahedron_is_bounded_by_its_opening_angle() -> None:
