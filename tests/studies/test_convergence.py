@@ -21,10 +21,10 @@ from convergence import (
     sentence,
     write_convergence,
 )
+from shapes import ball_mesh, ball_surface
 
 from cortet.formats.gifti import write_surface
 from cortet.formats.tsv import read_tsv, write_tsv
-from tests.unit.shapes import ball_mesh, ball_surface
 
 SIZES = [1.6, 1.2, 0.9]
 

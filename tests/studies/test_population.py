@@ -10,6 +10,7 @@ import nibabel as nib
 import numpy as np
 import pytest
 from population import design_of, effects, write_study
+from shapes import ball_surface
 
 from cortet.cohort.sheet import Case
 from cortet.errors import InputError
@@ -18,7 +19,6 @@ from cortet.formats.gifti import read_fields, write_fields, write_surface
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.icosphere import icosphere
 from cortet.meshes import TriSurface
-from tests.unit.shapes import ball_surface
 
 FOLDS, RADIUS = 12, 20.0
 #: p below which a vertex counts as found, permutations, and permuted groups

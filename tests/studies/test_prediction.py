@@ -25,6 +25,7 @@ from prediction import (
 from prediction_spread import checked, spreads
 from prediction_tables import correlation, predicted_surfaces, scores, write_prediction, write_run
 from series import Series, lobes_of, series_of
+from shapes import ball_mesh, ball_surface
 
 from cortet.errors import InputError
 from cortet.folding.fields import growth_field
@@ -39,7 +40,6 @@ from cortet.formats.gifti import write_fields, write_surface
 from cortet.geometry.topology import boundary_surface
 from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.stages.transfer import transfer
-from tests.unit.shapes import ball_mesh, ball_surface
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 SETTINGS = Settings(

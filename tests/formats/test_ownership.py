@@ -81,7 +81,9 @@ def test_a_file_is_replaced_if_cortet_made_it_and_nobody_edited_it_or_when_force
 
 
 def test_many_commands_may_write_to_one_folder(tmp_path: Path) -> None:
-    code = "import sys; from pathlib import Path; from tests.unit.test_ownership import made; made(Path(sys.argv[1]))"
+    code = (
+        "import sys; from pathlib import Path; from tests.formats.test_ownership import made; made(Path(sys.argv[1]))"
+    )
     files = [tmp_path / f"{number}.mesh" for number in range(6)]
     running = [subprocess.Popen([sys.executable, "-c", code, file], cwd=ROOT) for file in files]
     assert [one.wait() for one in running] == [0] * 6

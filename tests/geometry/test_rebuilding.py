@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from shapes import ball_surface
 
 from cortet.errors import InputError
 from cortet.geometry import rebuilding
@@ -19,7 +20,6 @@ from cortet.geometry.winding import winding_numbers
 from cortet.measure.lost import distances_to
 from cortet.meshes import FILLED, TriSurface
 from cortet.stages.repair import Repair, repair
-from tests.unit.shapes import ball_surface
 
 BALL = ball_surface(3, radius=10.0)
 #: mm

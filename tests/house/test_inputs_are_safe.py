@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shapes import ball_surface
 
 from cortet.cli import commands, main
 from cortet.formats.gifti import write_fields, write_surface
 from cortet.formats.ownership import MANIFEST
 from cortet.formats.volumes import write_volume
 from cortet.phantoms import phantom_with_sphere
-from tests.unit.shapes import ball_surface
 
 #: the user's files
 GIVEN = (
