@@ -6,19 +6,12 @@ from pathlib import Path
 
 import fold_brain
 import numpy as np
-import pandas as pd
 import pytest
 from fold_brain import (
-    AGE,
-    QUANTITIES,
-    Given,
-    at,
     fitted,
     main,
-    measured,
     of_pair,
     of_surface,
-    simulated,
     table_of,
 )
 from shapes import ball_surface
@@ -43,24 +36,6 @@ def run(folder: Path, area: float) -> Path:
     return folder
 
 
-def test_runs_are_averaged_at_every_age_that_all_of_them_reach(tmp_path: Path) -> None:
-    runs = [run(tmp_path / str(area), area) for area in (5000.0, 6000.0)]
-    mean, spread = simulated(runs, [22.0, 26.0, 30.0, 34.0])
-    assert mean["area_cm2"].tolist()[:3] == pytest.approx([55.0, 57.75, 60.5])
-    assert spread["area_cm2"].tolist()[:3] == pytest.approx([5.0, 5.25, 5.5])
-    assert mean.loc[34.0].isna().all() and spread.loc[34.0].isna().all()
-
-
-def test_real_brains_of_one_age_are_averaged_and_nothing_is_known_beyond_them() -> None:
-    rows = pd.DataFrame({AGE: [24.0, 28.0, 28.0], **{column: [1.0, 2.0, 4.0] for column in QUANTITIES}})
-    rows["cortex_share"] = np.nan
-    rows.loc[1, "concave_share"] = np.nan
-    found = at([23.0, 24.0, 26.0, 28.0, 29.0], rows)
-    assert found["area_cm2"].tolist() == pytest.approx([np.nan, 1.0, 2.0, 3.0, np.nan], nan_ok=True)
-    assert found["concave_share"].tolist() == pytest.approx([np.nan, 1.0, 2.5, 4.0, np.nan], nan_ok=True)
-    assert found["cortex_share"].isna().all()
-
-
 def test_a_pair_of_balls_has_the_cortex_between_them() -> None:
     pial, white = ball_surface(4, radius=12.0), ball_surface(4, radius=10.0)
     found, inside = of_pair(pial, white, None), of_surface(white, None)
@@ -80,15 +55,6 @@ def test_the_medial_wall_takes_no_part_in_width_and_depth_and_is_no_cortex() -> 
     assert half["sulcal_depth_mm"] < 0.3 * whole["sulcal_depth_mm"]
     wall = (np.pi * 6.0**2 + 2 * np.pi * 6.0 * 2.0) / 100  # with its rim
     assert half["cortical_thickness_mm"] == pytest.approx(10 / (half["area_cm2"] - wall), rel=0.02)
-
-
-def test_surfaces_come_by_age_with_the_names_of_their_files(tmp_path: Path) -> None:
-    for name, radius in (("old", 12.0), ("young", 10.0)):
-        write_surface(ball_surface(3, radius=radius), tmp_path / f"{name}.surf.gii")
-    given = [Given(tmp_path / "old.surf.gii", 30.0, "L"), Given(tmp_path / "young.surf.gii", 24.0, "L")]
-    found = measured(given)
-    assert found["surface"].tolist() == ["young", "old"]
-    assert found["area_cm2"].iloc[1] == pytest.approx(1.44 * found["area_cm2"].iloc[0])
 
 
 @pytest.mark.parametrize(

@@ -57,5 +57,5 @@ def test_a_folder_that_cannot_be_written_to_is_named_and_not_a_temporary_file(wh
     else:
         folder.write_text("")
     for opened in (atomic_path, atomic_folder):
-        with pytest.raises(InputError, match=r"out: no file can be written to this folder: .*\(give another folder\)"):
+        with pytest.raises(InputError, match="out: .*another folder"):
             opened(folder / "m.vtu").__enter__()

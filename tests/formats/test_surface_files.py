@@ -389,6 +389,7 @@ REFUSED: list[tuple[bytes, str]] = [
 NEITHER: list[tuple[bytes, str]] = [
     (b"", "empty"),
     (b"what is this", "GIfTI"),
+    (b"<Other></Other>", "<Other>"),
     (gzip.compress(b"what is this", mtime=0), "GIfTI"),
     (b"\x1f\x8b\x08\x00" + bytes(20), "unpacked"),
     (NIFTI, "NIfTI"),

@@ -97,7 +97,7 @@ def test_parts_that_touch_are_named() -> None:
 
 def test_what_is_no_body_is_refused_with_the_file_and_the_place() -> None:
     require_body(CUBE.mesh)
-    with pytest.raises(InputError, match=r"x.vtu: the tetrahedra fill no body: 1 tetrahedra listed twice, .* at \("):
+    with pytest.raises(InputError, match=r"x.vtu: .* 1 tetrahedra listed twice, .* at \("):
         require_body(with_listed_twice(CUBE.mesh), "x.vtu")
     with pytest.raises(InputError, match="1 nodes belong to no tetrahedron"):
         require_body(with_unused_node(CUBE.mesh))

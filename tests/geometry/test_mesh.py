@@ -47,9 +47,9 @@ def test_an_index_of_no_point_is_refused_with_element_and_range(index: int, show
     kind = np.uint64 if index >= 2**63 else np.int64
     cells, faces = MESH.cells.astype(kind), SURFACE.faces.astype(kind)
     cells[7, 2], faces[5, 1] = index, index
-    with pytest.raises(InputError, match=rf"tetrahedron 7 is \[.*, {shown}, .*, but nodes run from 0 to {LAST} \("):
+    with pytest.raises(InputError, match=rf"tetrahedron 7 is .*, {shown}, .* 0 to {LAST}"):
         TetMesh(MESH.points, cells)
-    with pytest.raises(InputError, match=rf"triangle 5 is \[.*, {shown}, .*, but vertices run from 0 to"):
+    with pytest.raises(InputError, match=rf"triangle 5 is .*, {shown}, .* 0 to"):
         TriSurface(SURFACE.points, faces)
     for measure in (quality, measures):
         with pytest.raises(InputError, match="tetrahedron 7 is"):

@@ -73,7 +73,7 @@ def test_a_mesh_that_was_saved_is_read_with_what_is_known_of_it(folder: Path, tm
     assert "<table>" in made.certificate._repr_html_()
     made.save(tmp_path / "again.vtu")
     assert (tmp_path / "again.vtu").read_bytes() == (folder / "x.vtu").read_bytes()
-    with pytest.raises(InputError, match=r"no sidecar says which surface was meshed .*name the surface"):
+    with pytest.raises(InputError, match="sidecar.*surface"):
         cortet.read(folder / "foreign.vtu")
 
 

@@ -308,5 +308,5 @@ def test_a_mesh_and_a_surface_in_metres_are_refused_where_the_cell_size_is_known
 ) -> None:
     assert certify(mesh, surface, cell_size=2.0).certified
     small = replace(mesh, points=mesh.points / 1000)
-    with pytest.raises(InputError, match=r"the surface is 0\.\d+ mm long, less than one cell of 2 mm.*metres"):
+    with pytest.raises(InputError, match="2 mm.*metres"):
         certify(small, boundary_surface(small)[0], cell_size=2.0)

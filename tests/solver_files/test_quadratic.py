@@ -126,7 +126,7 @@ def test_another_surface_than_the_meshed_one_is_refused(ball: tuple[TetMesh, Tri
     """A hundredth of a radius is what smoothing changes; the middles would lie elsewhere than the corners."""
     mesh, surface = ball
     other = replace(surface, points=surface.points * 1.01)
-    with pytest.raises(InputError, match=r"162 of 162 nodes .* the farthest 0.00999 mm .*NAME.meshed.surf.gii"):
+    with pytest.raises(InputError, match="162 of 162 nodes .* 0.00999 mm .*meshed.surf.gii"):
         quadratic(mesh, other)
     assert quadratic(mesh, other, max_boundary_distance=0.02).curved > 0
     for none in (np.nan, -1.0, 0.0, np.inf):
@@ -151,7 +151,7 @@ def test_inverted_and_overlapping_elements_are_refused(ball: tuple[TetMesh, TriS
     cells = mesh.cells.copy()
     cells[::3] = cells[::3][:, [1, 0, 2, 3]]
     wrong = len(cells[::3])
-    with pytest.raises(InputError, match=f"{wrong} of {len(cells)} tetrahedra are flat or inverted"):
+    with pytest.raises(InputError, match=f"{wrong} of {len(cells)} .*inverted"):
         quadratic(replace(mesh, cells=cells), surface)
     with pytest.raises(InputError, match="1 tetrahedra listed twice"):
         quadratic(replace(mesh, cells=np.concatenate([mesh.cells, mesh.cells[:1]])), surface)

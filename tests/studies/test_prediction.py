@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +12,6 @@ import pytest
 from carried import carried
 from numpy.typing import NDArray
 from prediction import (
-    KINDS,
     _of_braingrowth,
     corrected,
     forecast_growth,
@@ -23,7 +21,7 @@ from prediction import (
     uniform_growth,
 )
 from prediction_spread import checked, spreads
-from prediction_tables import correlation, predicted_surfaces, scores, write_prediction, write_run
+from prediction_tables import correlation, predicted_surfaces, scores, write_run
 from series import Series, lobes_of, series_of
 from shapes import ball_mesh, ball_surface
 
@@ -273,33 +271,6 @@ def test_the_truth_is_among_predictions_that_lie_around_it_and_not_among_others(
     )
     assert around["among"] > 0.9 and beside["among"] < 0.1, "vertices on the hull in all of them do not count"
     assert around["depth_sd_mm"] > beside["depth_sd_mm"] and around["depth_error_mm"] < beside["depth_error_mm"]
-
-
-def test_the_table_has_a_row_per_prediction_and_age_and_the_figure_is_drawn(tmp_path: Path) -> None:
-    series, records = balls(), []
-    for kind in ("path", "nothing"):
-        prediction = predict(series, ball_mesh(1), kind, Path(), settings=SETTINGS, until=23.0)
-        (tmp_path / kind).mkdir()
-        record = {"series": "a", **write_run(prediction, series, tmp_path / kind)}
-        records.append(tmp_path / kind / "record.json")
-        records[-1].write_text(json.dumps(record))
-        assert (tmp_path / kind / "predicted_24.surf.gii").exists()
-    outputs = [tmp_path / f"table.{suffix}" for suffix in ("tsv", "json", "tex", "md", "html", "svg")]
-    spread = tmp_path / "spread.json"
-    sure = {"gestational_age": 24.0, "depth_sd_mm": 0.5, "among": 0.9}
-    spread.write_text(json.dumps({"series": "a", "kind": "path", "ages": [sure]}))
-    write_prediction(records, [spread], outputs)
-    table = pd.read_csv(tmp_path / "table.tsv", sep="\t", na_values="n/a")
-    assert list(zip(table["kind"], table["gestational_age"], strict=True)) == [
-        ("path", 23.0),
-        ("path", 24.0),
-        ("nothing", 23.0),
-        ("nothing", 24.0),
-    ]
-    assert table["gained_depth"].iloc[0] == pytest.approx(1)
-    assert table["among"].tolist() == pytest.approx([np.nan, 0.9, np.nan, np.nan], nan_ok=True)
-    assert set(table["kind"]) < set(KINDS)
-    assert all(path.stat().st_size for path in outputs)
 
 
 def test_the_model_of_braingrowth_takes_no_key_of_the_other_one() -> None:
