@@ -17,17 +17,18 @@ changed=$(git diff --name-only HEAD; git ls-files --others --exclude-standard)
 tests=()
 for file in $changed; do
     case $file in
-        tests/unit/test_*.py) [[ -e $file ]] && tests+=("$file") ;;
+        tests/integration/* | tests/studies/*) ;;
+        tests/*/test_*.py) [[ -e $file ]] && tests+=("$file") ;;
         cortet/*.py)
             module=${file%.py}
             module=${module%/__init__}
             room=${module%/*}
             pattern="(from|import) ${module//\//.}( |$)|from ${room//\//.} import .*\\b${module##*/}\\b"
-            mapfile -t importing < <(grep -lE "$pattern" tests/unit/test_*.py || true)
+            mapfile -t importing < <(grep -lE "$pattern" tests/*/test_*.py | grep -vE "^tests/(integration|studies)" || true)
             tests+=("${importing[@]}")
             ;;
     esac
 done
 ((${#tests[@]})) || { echo "check: no unit test is about what changed"; exit 0; }
 mapfile -t tests < <(printf '%s\n' "${tests[@]}" | sort -u)
-pytest --quiet --deselect tests/unit/test_style.py "${tests[@]}"
+pytest --quiet --deselect tests/house/test_style.py "${tests[@]}"

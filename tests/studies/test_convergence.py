@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -17,14 +15,9 @@ from convergence import (
     correlation,
     large_enough,
     limit,
-    read_run,
     sentence,
-    write_convergence,
 )
-
-from cortet.formats.gifti import write_surface
-from cortet.formats.tsv import read_tsv, write_tsv
-from tests.unit.shapes import ball_mesh, ball_surface
+from shapes import ball_mesh, ball_surface
 
 SIZES = [1.6, 1.2, 0.9]
 
@@ -56,12 +49,16 @@ def test_there_is_none_where_nothing_goes_evenly_towards_one(
 
 
 def test_a_size_is_small_enough_if_all_smaller_ones_are() -> None:
-    assert large_enough([3.0, 2.0, 1.0], [0.9, 0.96, 0.98], 1.0) == 2.0
-    assert large_enough([3.0, 2.0, 1.0], [1.0, 0.9, 0.98], 1.0) == 1.0
-    assert large_enough([3.0, 2.0, 1.0], [0.7, 0.8, 0.9], 1.0) is None
-    assert large_enough([3.0, 2.0, 1.0], [0.7, 0.97, 1.0], None) == 2.0
-    assert large_enough([3.0, 2.0, 1.0], [0.7, 0.8, 1.0], None) is None  # nothing says that the last one is
-    assert large_enough([3.0, 2.0], [1.0, None], None) is None
+    sizes = [3.0, 2.0, 1.0]
+    for values, limit_is, expected in (
+        ([0.9, 0.96, 0.98], 1.0, 2.0),
+        ([1.0, 0.9, 0.98], 1.0, 1.0),
+        ([0.7, 0.8, 0.9], 1.0, None),
+        ([0.7, 0.97, 1.0], None, 2.0),
+        ([0.7, 0.8, 1.0], None, None),  # nothing says that the last one is
+        ([1.0, None, None], None, None),
+    ):
+        assert large_enough(sizes, values, limit_is) == expected
 
 
 def runs(offset: float = 0.0) -> list[Run]:
@@ -95,17 +92,6 @@ def test_the_table_tells_chance_from_cell_size() -> None:
     assert "No size tried" in sentence(table)
 
 
-def test_the_sentence_says_what_is_not_known() -> None:
-    flat = convergence_table([replace(run, values=dict.fromkeys(QUANTITIES, 1.3)) for run in runs()])
-    assert (
-        "of its limit, or, as no limit was found for gyrification index, area, width of folds, wavelength of folds and"
-        in sentence(flat)
-    )
-    made = runs()
-    made[0] = replace(made[0], folded=False)
-    assert "This leaves out 1 of 12 folds, which stopped at an inverted element." in sentence(convergence_table(made))
-
-
 def test_a_run_that_stopped_is_counted_and_not_averaged() -> None:
     made = runs()
     made[0] = replace(made[0], folded=False, values=dict.fromkeys(QUANTITIES, 9.0))
@@ -129,29 +115,3 @@ def test_a_surface_goes_with_the_mesh() -> None:
     assert carried(surface.points, mesh, mesh.points) == pytest.approx(surface.points)
     moved = carried(surface.points, mesh, mesh.points @ linear.T)
     assert np.abs(moved - surface.points @ linear.T).max() < 0.03  # the offset of 0.02 does not turn
-
-
-def test_files_of_runs_become_a_table_a_figure_and_a_sentence(tmp_path: Path) -> None:
-    surface = ball_surface(3)
-    folders = []
-    for mesher in ("lattice", "cgal"):
-        for size in SIZES:
-            folder = tmp_path / f"{mesher}{size}"
-            folder.mkdir()
-            origin = {"case": "a", "mesher": mesher, "seed": 0, "cell_size_mm": size}
-            record = {"origin": origin, "thickness_mm": 1.25, "tets": 10, "outcome": "folded"}
-            (folder / "record.json").write_text(json.dumps(record))
-            write_tsv([dict.fromkeys(QUANTITIES, 1.3 - 0.1 * size)], list(QUANTITIES), folder / "fold.tsv")
-            write_surface(surface, folder / "start.surf.gii")
-            dented = surface.points * (1 - 0.1 * size * np.sin(surface.points[:, :1]) ** 2)
-            write_surface(replace(surface, points=dented), folder / "folded.surf.gii")
-            folders.append(folder)
-    run = read_run(folders[0])
-    assert run.gained.max() > 0.05 and run.weight.sum() == pytest.approx(4 * np.pi * 25, rel=0.02)
-    names = ("t.tsv", "t.json", "t.md", "t.html", "t.tex", "f.svg", "f.png", "s.txt")
-    write_convergence(folders, [tmp_path / name for name in names])
-    rows = read_tsv(tmp_path / "t.tsv")
-    assert set(rows.columns) == set(json.loads((tmp_path / "t.json").read_text()))
-    assert float(rows["gyrification_index"].iloc[3]) == pytest.approx(1.3, abs=1e-3)
-    assert "of the thickness" in (tmp_path / "s.txt").read_text()
-    assert (tmp_path / "f.png").stat().st_size > 10_000

@@ -10,6 +10,7 @@ import nibabel as nib
 import numpy as np
 import pytest
 from population import design_of, effects, write_study
+from shapes import ball_surface
 
 from cortet.cohort.sheet import Case
 from cortet.errors import InputError
@@ -18,7 +19,6 @@ from cortet.formats.gifti import read_fields, write_fields, write_surface
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.icosphere import icosphere
 from cortet.meshes import TriSurface
-from tests.unit.shapes import ball_surface
 
 FOLDS, RADIUS = 12, 20.0
 #: p below which a vertex counts as found, permutations, and permuted groups
@@ -54,24 +54,24 @@ def test_variants_are_compared_within_cases() -> None:
 
 
 @pytest.mark.parametrize(
-    ("model", "what"),
+    ("model", "word"),
     [
-        (["mass"], "without a value of mass"),
-        (["case2"], "is same in all folds"),
-        (["variant", "group"], "variant compares folds of one case"),
-        (["group", "copy"], "too few, or say the same"),
-        (["word"], "too few, or say the same"),
-        (["NA"], "s3 without a value of NA"),
-        (["dash"], "s3 without a value of dash"),
-        (["unknown"], "unknown is a number, but s3 has '40 g'"),
-        (["endless"], "endless is a number, but s3 has 'inf'"),
+        (["mass"], "mass"),
+        (["case2"], "same"),
+        (["variant", "group"], "variant"),
+        (["group", "copy"], "too few"),
+        (["word"], "too few"),
+        (["NA"], "s3.* NA"),
+        (["dash"], "s3.* dash"),
+        (["unknown"], "unknown.*40 g"),
+        (["endless"], "endless.*inf"),
     ],
 )
-def test_a_model_that_cannot_be_fitted_is_refused(model: list[str], what: str) -> None:
+def test_a_model_that_cannot_be_fitted_is_refused(model: list[str], word: str) -> None:
     given = [{**row, "case2": "same", "copy": row["group"], "word": row["case"]} for row in rows()]
     for name, odd in (("NA", "NA"), ("dash", "-"), ("unknown", "40 g"), ("endless", "inf")):
         given = [{**row, name: odd if row["case"] == "s3" else str(place)} for place, row in enumerate(given)]
-    with pytest.raises(InputError, match=what):
+    with pytest.raises(InputError, match=word):
         design_of(given, model)
 
 

@@ -45,6 +45,8 @@ from cortet.stages.solver_ready import surface_nodes_first
 from cortet.stages.transfer import transfer
 
 Damage = Callable[[bytes, random.Random], bytes]
+#: kind -> a valid file, and what reads it
+Seeds = dict[str, tuple[Path, Callable[[Path], Any]]]
 
 NUMBERS = [
     *(b"0", b"-1", b"1", b"255", b"65536", b"2147483647", b"2147483648", b"4294967297", b"1000000000000"),
@@ -59,11 +61,6 @@ WORDS = [
 ]
 
 
-def _span(data: bytes, rng: random.Random, longest: int = 2000) -> tuple[int, int]:
-    start = rng.randrange(len(data) + 1)
-    return start, min(len(data), start + rng.randint(1, rng.choice([4, 64, longest])))
-
-
 def _replaced(data: bytes, rng: random.Random, pattern: bytes, by: Callable[[bytes], bytes]) -> bytes:
     """The data with one match of the pattern replaced."""
     found = list(itertools.islice(re.finditer(pattern, data), 5000))
@@ -74,34 +71,15 @@ def _replaced(data: bytes, rng: random.Random, pattern: bytes, by: Callable[[byt
     return data[: match.start()] + by(match[0]) + data[match.end() :]
 
 
-def flip_a_bit(data: bytes, rng: random.Random) -> bytes:
-    """One bit turned."""
-    place = rng.randrange(max(len(data), 1))
-    return data[:place] + bytes(byte ^ 1 << rng.randrange(8) for byte in data[place : place + 1]) + data[place + 1 :]
-
-
-def cut_off(data: bytes, rng: random.Random) -> bytes:
-    """Only the beginning, as of a copy that was interrupted."""
-    return data[: rng.randrange(len(data) + 1)]
-
-
-def cut_out(data: bytes, rng: random.Random) -> bytes:
-    """A span missing."""
-    start, end = _span(data, rng)
-    return data[:start] + data[end:]
-
-
-def repeat(data: bytes, rng: random.Random) -> bytes:
-    """A span repeated, up to a megabyte."""
-    start, end = _span(data, rng)
-    times = rng.choice([2, 3, 50, max(1, 1_000_000 // (end - start + 1))])
-    return data[:start] + data[start:end] * times + data[end:]
-
-
-def insert_bytes(data: bytes, rng: random.Random) -> bytes:
-    """Random bytes, a trap for a number or for a word put in."""
-    start, _ = _span(data, rng)
-    return data[:start] + rng.choice([rng.randbytes(rng.randint(1, 40)), *WORDS, *NUMBERS]) + data[start:]
+def change_bytes(data: bytes, rng: random.Random) -> bytes:
+    """A bit turned, the end or a span missing, a span repeated up to a megabyte, or bytes put in."""
+    start = rng.randrange(len(data) + 1)
+    end = min(len(data), start + rng.randint(1, rng.choice([4, 64, 2000])))
+    span, times = data[start:end], rng.choice([2, 3, 50, max(1, 1_000_000 // (end - start + 1))])
+    turned = bytes(byte ^ 1 << rng.randrange(8) for byte in span[:1]) + span[1:]
+    put_in = span + rng.choice([rng.randbytes(rng.randint(1, 40)), *WORDS, *NUMBERS])
+    cut_off = data[:start]
+    return rng.choice([cut_off, *(data[:start] + new + data[end:] for new in (turned, b"", span * times, put_in))])
 
 
 def change_a_number(data: bytes, rng: random.Random) -> bytes:
@@ -110,42 +88,28 @@ def change_a_number(data: bytes, rng: random.Random) -> bytes:
 
 
 def change_a_word(data: bytes, rng: random.Random) -> bytes:
-    """A word, a quoted string or a cell replaced."""
-    pattern = rng.choice([rb'(?<=")[^"\n]{0,80}(?=")', rb"(?<=[\t\n])[^\t\n]{1,80}(?=[\t\n])", rb"[A-Za-z_]{2,40}"])
+    """A word, a quoted string, a cell or an XML tag replaced by another, by a trap, or by many of it."""
+    patterns = [rb'(?<=")[^"\n]{0,80}(?=")', rb"(?<=[\t\n])[^\t\n]{1,80}(?=[\t\n])", rb"[A-Za-z_]{2,40}"]
+    pattern = rng.choice([*patterns, rb"<[^<>]{1,300}>"])
     others = [match[0] for match in itertools.islice(re.finditer(pattern, data), 300)]
-    return _replaced(data, rng, pattern, lambda _: rng.choice(WORDS + NUMBERS + others))
+    return _replaced(data, rng, pattern, lambda word: rng.choice([word * 2, *WORDS, *NUMBERS, *others]))
 
 
 def change_lines(data: bytes, rng: random.Random) -> bytes:
     """A line deleted, swapped, repeated or longer."""
     lines = data.split(b"\n")
     place, other = rng.randrange(len(lines)), rng.randrange(len(lines))
-    choice = rng.randrange(4)
-    if choice == 0:
-        del lines[place]
-    elif choice == 1:
-        lines[place], lines[other] = lines[other], lines[place]
-    elif choice == 2:
-        lines.insert(place, lines[other])
-    else:
-        lines[place] += rng.choice([b" ", b",", b"\t"]) + rng.choice(NUMBERS)
+    longer = lines[place] + rng.choice([b" ", b",", b"\t"]) + rng.choice(NUMBERS)
+    lines[place : place + 1] = rng.choice([[], [lines[other]], [lines[place], lines[other]], [longer]])
     return b"\n".join(lines)
 
 
-def change_a_tag(data: bytes, rng: random.Random) -> bytes:
-    """An XML tag deleted, repeated or replaced."""
-    tags = [match[0] for match in itertools.islice(re.finditer(rb"<[^<>]{1,300}>", data), 300)]
-    return _replaced(data, rng, rb"<[^<>]{1,300}>", lambda tag: rng.choice([b"", tag * 2, tag * 20_000, *tags]))
-
-
 def change_an_encoding(data: bytes, rng: random.Random) -> bytes:
-    """Another encoding, declared or real."""
+    """Another encoding or other ends of lines, declared or real."""
     name = rng.choice([b"utf-16", b"latin-1", b"ascii", b"utf-7", b"shift_jis", b"none", b"idna", b"cp037"])
     declared = re.sub(rb"<\?xml[^>]*\?>", b'<?xml version="1.0" encoding="' + name + b'"?>', data)
-    choice = rng.randrange(4)
-    if choice == 0:
-        return data.decode("latin-1").encode("utf-16")
-    return [declared, b"\xef\xbb\xbf" + data, data.replace(b"\n", rng.choice([b"\r\n", b"\r"]))][choice - 1]
+    ends = data.replace(b"\n", rng.choice([b"\r\n", b"\r"]))
+    return rng.choice([declared, b"\xef\xbb\xbf" + data, data.decode("latin-1").encode("utf-16"), ends])
 
 
 def change_packed_data(data: bytes, rng: random.Random) -> bytes:
@@ -177,17 +141,17 @@ def change_a_binary_number(data: bytes, rng: random.Random) -> bytes:
     return data[:place] + raw + data[place + len(raw) :]
 
 
+#: bytes, words and packed data are damaged more often
 DAMAGES: list[Damage] = [
-    *(flip_a_bit, cut_off, cut_out, repeat, insert_bytes, change_a_number, change_a_number, change_a_word),
-    *(change_a_word, change_lines, change_a_tag, change_an_encoding, change_packed_data),
-    *(change_packed_data, change_a_binary_number),
+    *(change_bytes, change_a_number, change_a_word, change_lines, change_an_encoding, change_packed_data),
+    *(change_bytes, change_a_number, change_a_word, change_a_binary_number, change_packed_data, change_bytes),
 ]
 
 
-def damaged(data: bytes, rng: random.Random) -> bytes:
-    """The data with one to three damages, at most 4 MB of it."""
+def damaged(data: bytes, rng: random.Random, longest: int = 4 << 20) -> bytes:
+    """The data with one to three damages, at most so many bytes of it."""
     for _ in range(rng.choice([1, 1, 1, 2, 3])):
-        data = rng.choice(DAMAGES)(data, rng)[: 4 << 20]
+        data = rng.choice(DAMAGES)(data, rng)[:longest]
     return data
 
 
@@ -227,87 +191,76 @@ def damaged_config(data: bytes, rng: random.Random) -> bytes:
         return yaml.safe_dump(tree).encode()
 
 
-def seeds(folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
+def seeds(folder: Path) -> Seeds:
     """A valid file of every kind in a folder of its own, and what reads it."""
     surface = phantom(24, subdivisions=2)
-    fields = {"thickness": np.linspace(1, 2, len(surface.points)), "area": np.arange(len(surface.points)) // 60}
-    surface = replace(surface, point_data={name: values.astype("f4") for name, values in fields.items()})
-    surface.point_data["area"] = surface.point_data["area"].astype(np.int32)
+    count = len(surface.points)
+    fields = {"thickness": np.linspace(1, 2, count, dtype="f4"), "area": (np.arange(count) // 60).astype(np.int32)}
+    surface = replace(surface, point_data=fields)
+    return {
+        **meshes(surface, folder),
+        **of_other_programs(surface, folder),
+        **volumes(surface, folder),
+        **of_cohorts(folder),
+    }
+
+
+def placed_in(folder: Path, kind: str, name: str) -> Path:
+    """A path in a folder of its own."""
+    (folder / kind).mkdir()
+    return folder / kind / name
+
+
+def meshes(surface: TriSurface, folder: Path) -> Seeds:
+    """A coarse mesh in every format that is read, and the surface in GIfTI."""
     plain = Generate(backend="cgal", facet_distance=[0.5], odt=False, lloyd=False, perturb=False, exude=False)
     mesh, _ = generate(surface, plain, cell_size=10.0, mesher="cgal")
     mesh = named_sets(surface_nodes_first(transfer(mesh, surface)[0])[0], cortex_depth=5.0, medial_wall={"area": [0]})
-    found: dict[str, tuple[Path, Callable[[Path], Any]]] = {}
+    found: Seeds = {}
     for name, form in FORMATS.items():
         path = folder / name / f"m{form.suffix}"
         export(mesh, path, solver=name, certificate={"certified": True})
         if name not in ("braingrowth", "febio"):  # which cortet only writes
             found[name] = (path, read_and_convert)
     for name, packing in (("xdmf_of_meshio", "gzip"), ("plain_xdmf_of_meshio", None)):
-        (folder / name).mkdir()
+        path = placed_in(folder, name, "m.xdmf")
         cells = {"region": [np.arange(len(mesh.cells)) % 2]}
         other = meshio.Mesh(mesh.points, [("tetra", mesh.cells)], {"height": mesh.points[:, 2]}, cells)
-        meshio.xdmf.write(folder / name / "m.xdmf", other, compression=packing)
-        found[name] = (folder / name / "m.xdmf", read_mesh)
-    write_surface(surface, folder / "gate" / "s.surf.gii")
-    found["gate"] = (folder / "gate" / "s.surf.gii", lambda path: gate(read_surface(path), source=str(path))[0])
-    write_surface(surface, folder / "repair" / "s.surf.gii")
-    found["repair"] = (folder / "repair" / "s.surf.gii", repaired)
-    (folder / "affine").mkdir()
-    image = nibabel.Nifti1Image(np.ones((3, 3, 3), np.int16), np.diag([0.5, 0.5, 0.8, 1]))
-    nibabel.save(image, folder / "affine" / "i.nii.gz")
-    found["affine"] = (folder / "affine" / "i.nii.gz", lambda path: placed(surface, matrix("mm", path)))
-    write_surface(replace(surface, points=surface.points), folder / "fields" / "s.shape.gii")
-    found["fields"] = (folder / "fields" / "s.shape.gii", lambda path: read_all_fields(path, surface))
-    found |= of_other_programs(surface, folder)
-    found |= volumes(surface, folder)
-    (folder / "sheet").mkdir()
-    cases = [Case(f"0{n}", "1", "L", 24.5, folder / f"s{n}.surf.gii", extra={"site": "x"}) for n in range(4)]
-    cases[2] = replace(cases[2], include=False, exclude_reason="motion", fields={"sulc": folder / "s.gii"})
-    write_sheet(cases, folder / "sheet" / "cohort.tsv")
-    patterns = {"thickness": "../{participant_id}/{site}.shape.gii"}
-    found["sheet"] = (folder / "sheet" / "cohort.tsv", lambda path: read_sheet(path, patterns))
-    (folder / "config").mkdir()
-    everything = yaml.safe_dump(Config().model_dump(mode="json"))
-    (folder / "config" / "config.yaml").write_text(everything)
-    found["config"] = (folder / "config" / "config.yaml", load)
-    anat = folder / "release" / "sub-A" / "anat"
-    anat.mkdir(parents=True)
-    (anat / "sub-A_hemi-L_wm.surf.gii").touch()
-    (folder / "release" / "participants.tsv").write_text("participant_id\tscan_age\nsub-A\t28.5\nsub-B\tn/a\n")
-    (folder / "release" / "participants.json").write_text('{"scan_age": {"Units": "weeks", "Description": "at scan"}}')
-    found["release"] = (folder / "release" / "participants.tsv", lambda path: scan(path.parent))
+        meshio.xdmf.write(path, other, compression=packing)
+        found[name] = (path, read_mesh)
+    readers = {
+        "gate": lambda path: gate(read_surface(path), source=str(path))[0],
+        "repair": repaired,
+        "fields": lambda path: read_all_fields(path, surface),
+    }
+    for name, read in readers.items():
+        found[name] = (placed_in(folder, name, "s.surf.gii"), read)
+        write_surface(surface, found[name][0])
     return found
 
 
-def of_other_programs(surface: TriSurface, folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
+def of_other_programs(surface: TriSurface, folder: Path) -> Seeds:
     """The surface and its fields as other programs write them."""
     mesh = trimesh.Trimesh(surface.points, surface.faces, process=False)
     kinds = {"text_stl": "stl_ascii", "ply": "ply", "text_ply": "ply", "obj": "obj", "off": "off"}
-    found: dict[str, tuple[Path, Callable[[Path], Any]]] = {}
+    found: Seeds = {}
     for name, kind in kinds.items():
-        options = {"encoding": "ascii"} if name == "text_ply" else {}
-        content = mesh.export(file_type=kind, **options)
-        found[name] = (folder / name / f"s.{kind}", read_surface)
-        found[name][0].parent.mkdir()
+        content = mesh.export(file_type=kind, **({"encoding": "ascii"} if name == "text_ply" else {}))
+        found[name] = (placed_in(folder, name, f"s.{kind}"), read_surface)
         found[name][0].write_bytes(content.encode() if isinstance(content, str) else content)
-    for name in ("lh.thickness", "lh.aparc.annot"):
-        path = folder / name.replace(".", "_") / name
-        path.parent.mkdir()
-        found[path.parent.name] = (path, lambda path: read_all_fields(path, surface))
+    thickness = placed_in(folder, "lh_thickness", "lh.thickness")
+    annotation = placed_in(folder, "lh_aparc_annot", "lh.aparc.annot")
     table = np.array([[number, 5, 25, 0, 0] for number in range(40)])
-    freesurfer.write_morph_data(str(found["lh_thickness"][0]), surface.point_data["thickness"])
-    freesurfer.write_annot(
-        str(found["lh_aparc_annot"][0]),
-        surface.point_data["area"],
-        table,
-        [f"label {n}" for n in range(40)],
-        fill_ctab=True,
-    )
+    names = [f"label {number}" for number in range(40)]
+    freesurfer.write_morph_data(str(thickness), surface.point_data["thickness"])
+    freesurfer.write_annot(str(annotation), surface.point_data["area"], table, names, fill_ctab=True)
+    for path in (thickness, annotation):
+        found[path.parent.name] = (path, lambda path: read_all_fields(path, surface))
     return found
 
 
-def volumes(surface: TriSurface, folder: Path) -> dict[str, tuple[Path, Callable[[Path], Any]]]:
-    """Images around the surface: labels with their names, of 8 bits and compressed, measured numbers, and tensors."""
+def volumes(surface: TriSurface, folder: Path) -> Seeds:
+    """Images around the surface: labels with names, of 8 bits and compressed, numbers, tensors, and an affine."""
     low, shape = surface.points.min(axis=0) - 5, np.ceil((np.ptp(surface.points, axis=0) + 10) / 5).astype(int)
     affine = np.diag([5.0, 5.0, 5.0, 1.0])
     affine[:3, 3] = low
@@ -318,16 +271,36 @@ def volumes(surface: TriSurface, folder: Path) -> dict[str, tuple[Path, Callable
         "aseg.mgz": nibabel.MGHImage(labels.astype(np.uint8), affine),
         "fa.nii.gz": nibabel.Nifti1Image(np.random.default_rng(0).random(shape, np.float32), affine),
         "dti.nii": nibabel.Nifti1Image(tensors, affine),
+        "affine.nii.gz": nibabel.Nifti1Image(np.ones((3, 3, 3), np.int16), np.diag([0.5, 0.5, 0.8, 1])),
     }
-    found: dict[str, tuple[Path, Callable[[Path], Any]]] = {}
+    found: Seeds = {}
     for name, image in images.items():
-        kind = name.partition(".")[0]
-        path = folder / kind / name
-        path.parent.mkdir()
+        path = placed_in(folder, name.partition(".")[0], name)
         nibabel.save(image, path)
-        found[kind] = (path, lambda path: read_and_use_volume(path, surface))
+        found[path.parent.name] = (path, lambda path: read_and_use_volume(path, surface))
     (folder / "dseg" / "dseg.tsv").write_text("index\tname\n1\tleft\n2\tright\n")
-    return found
+    return {**found, "affine": (found["affine"][0], lambda path: placed(surface, matrix("mm", path)))}
+
+
+def of_cohorts(folder: Path) -> Seeds:
+    """A sheet, a configuration, and a release to scan."""
+    sheet, config = placed_in(folder, "sheet", "cohort.tsv"), placed_in(folder, "config", "config.yaml")
+    cases = [Case(f"0{n}", "1", "L", 24.5, folder / f"s{n}.surf.gii", extra={"site": "x"}) for n in range(4)]
+    cases[2] = replace(cases[2], include=False, exclude_reason="motion", fields={"sulc": folder / "s.gii"})
+    write_sheet(cases, sheet)
+    patterns = {"thickness": "../{participant_id}/{site}.shape.gii"}
+    config.write_text(yaml.safe_dump(Config().model_dump(mode="json")))
+    anat = folder / "release" / "sub-A" / "anat"
+    anat.mkdir(parents=True)
+    (anat / "sub-A_hemi-L_wm.surf.gii").touch()
+    release = folder / "release" / "participants.tsv"
+    release.write_text("participant_id\tscan_age\nsub-A\t28.5\nsub-B\tn/a\n")
+    release.with_suffix(".json").write_text('{"scan_age": {"Units": "weeks", "Description": "at scan"}}')
+    return {
+        "sheet": (sheet, lambda path: read_sheet(path, patterns)),
+        "config": (config, load),
+        "release": (release, lambda path: scan(path.parent)),
+    }
 
 
 def read_and_use_volume(path: Path, surface: TriSurface) -> Any:
@@ -413,6 +386,9 @@ def place_damaged(name: str, valid: Path, rng: random.Random, folder: Path) -> P
     shutil.copytree(valid.parent, folder)
     files = sorted(path for path in folder.iterdir() if path.is_file())
     target = rng.choice(files) if rng.random() < 0.5 else folder / valid.name
-    damage = damaged_config if name == "config" else damaged
-    target.write_bytes(damage(target.read_bytes(), rng))
+    content = target.read_bytes()
+    if name == "config":
+        target.write_bytes(damaged_config(content, rng))
+    else:  # the search for .h5 in an XDMF file takes minutes for a line of a megabyte
+        target.write_bytes(damaged(content, rng, *([20_000] if target.suffix == ".xdmf" else [])))
     return folder / valid.name

@@ -18,8 +18,9 @@ from cortet.folding.run import prepared
 from cortet.folding.section import Settings
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
-from cortet.geometry.topology import TET_FACES, boundary_surface, neighbours
+from cortet.geometry.topology import TET_FACES, boundary_surface, compact, neighbours
 from cortet.measure.certify import certify
+from cortet.measure.quality import oriented
 from cortet.meshes import REGION, IntArray, TetMesh, TriSurface
 from cortet.solver_files.export import convert
 from cortet.stages.solver_ready import surface_nodes_first
@@ -74,8 +75,7 @@ def _central(mesh: TetMesh, share: float = 0.25) -> np.ndarray:
 
 def without_unused(points: np.ndarray, cells: IntArray) -> TetMesh:
     """The mesh of some tetrahedra, surface nodes first."""
-    used, numbered = np.unique(cells, return_inverse=True)
-    return surface_nodes_first(TetMesh(points[used], numbered.reshape(-1, 4).astype(np.int32)))[0]
+    return surface_nodes_first(TetMesh(*compact(points, cells)[:2]))[0]
 
 
 def with_void(mesh: TetMesh) -> TetMesh:
@@ -88,8 +88,7 @@ def with_hidden_void(mesh: TetMesh) -> TetMesh:
     gone = _central(mesh, 0.5)
     around = np.isin(np.arange(len(gone)), neighbours(mesh)[gone]) & ~gone
     twice = np.concatenate([np.flatnonzero(around), np.flatnonzero(~around & ~gone)])[: gone.sum()]
-    used, cells = np.unique(np.concatenate([mesh.cells[~gone], mesh.cells[twice]]), return_inverse=True)
-    return TetMesh(mesh.points[used], cells.reshape(-1, 4).astype(np.int32))
+    return TetMesh(*compact(mesh.points, np.concatenate([mesh.cells[~gone], mesh.cells[twice]]))[:2])
 
 
 def with_listed_twice(mesh: TetMesh) -> TetMesh:
@@ -126,8 +125,8 @@ def with_hanging_node(mesh: TetMesh) -> TetMesh:
     apex, node = mesh.cells[cell, corner], len(mesh.points)
     parts = np.array([[apex, *pair, node] for pair in ((a, b), (b, c), (c, a))], np.int32)
     points = np.vstack([mesh.points, mesh.points[[a, b, c]].mean(axis=0)])
-    cut = TetMesh(points, np.concatenate([np.delete(mesh.cells, cell, axis=0), parts]))
-    return _turned_positive(cut)
+    cells = np.concatenate([np.delete(mesh.cells, cell, axis=0), parts])
+    return TetMesh(points, oriented(points, cells)[0])
 
 
 def with_node_twice(mesh: TetMesh) -> TetMesh:
@@ -182,21 +181,22 @@ def with_flat_element(mesh: TetMesh) -> TetMesh:
     return replace(mesh, points=points)
 
 
-def touching_in_an_edge(mesh: TetMesh) -> TetMesh:
-    """Two cubes have an edge in common."""
-    return _touching(mesh, np.array([SIDE, SIDE, 0]))
-
-
-def touching_in_a_node(mesh: TetMesh) -> TetMesh:
-    """Two cubes have a corner in common."""
-    return _touching(mesh, np.array([SIDE, SIDE, SIDE]))
-
-
-def _touching(mesh: TetMesh, shift: np.ndarray) -> TetMesh:
+def touching(mesh: TetMesh, *shift: float) -> TetMesh:
+    """Two cubes, one shifted against the other, with common nodes where they touch."""
     points = np.round(np.concatenate([mesh.points, mesh.points + shift]), 9)
     points, number = np.unique(points, axis=0, return_inverse=True)
     cells = number.ravel()[np.concatenate([mesh.cells, mesh.cells + len(mesh.points)])].astype(np.int32)
     return surface_nodes_first(TetMesh(points, cells))[0]
+
+
+def touching_in_an_edge(mesh: TetMesh) -> TetMesh:
+    """Two cubes have an edge in common."""
+    return touching(mesh, SIDE, SIDE, 0)
+
+
+def touching_in_a_node(mesh: TetMesh) -> TetMesh:
+    """Two cubes have a corner in common."""
+    return touching(mesh, SIDE, SIDE, SIDE)
 
 
 FAULTS: dict[str, Callable[[TetMesh], TetMesh]] = {
@@ -265,12 +265,6 @@ def _deep(mesh: TetMesh) -> IntArray:
 def _inner_node(mesh: TetMesh) -> int:
     """The node next to the middle."""
     return int(np.linalg.norm(mesh.points - SIDE / 2, axis=1).argmin())
-
-
-def _turned_positive(mesh: TetMesh) -> TetMesh:
-    a, b, c, d = (mesh.points[mesh.cells[:, i]] for i in range(4))
-    inverted = np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) < 0
-    return replace(mesh, cells=np.where(inverted[:, None], mesh.cells[:, [0, 1, 3, 2]], mesh.cells))
 
 
 # --- what the commands say -------------------------------------------------------------------------------------------

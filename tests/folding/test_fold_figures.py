@@ -1,0 +1,212 @@
+"""Figures and film of a run, and the command that makes a run; all without a display."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import matplotlib.image
+import nibabel
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+from PIL import Image
+from shapes import ball_mesh, ball_surface
+
+from cortet.cli import main
+from cortet.errors import InputError
+from cortet.folding import fold_figures
+from cortet.folding.fold_figures import numbers, weeks
+from cortet.folding.fold_views import brain_of
+from cortet.folding.journal import per_percent, reached, series, status
+from cortet.folding.measurements import Measurements
+from cortet.formats import vtu
+from cortet.formats.gifti import write_surface
+from cortet.formats.ownership import MANIFEST
+from cortet.formats.tsv import read_tsv
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A ball folded for two tenths of a week by the command."""
+    folder = tmp_path_factory.mktemp("run")
+    vtu.write(ball_mesh(2, radius=10.0), folder / "ball.vtu")
+    (folder / "fold.yaml").write_text("fold: {allow_volume: true, thickness: 3, frame_interval: 0.1}\n")
+    write_surface(ball_surface(3, radius=14.0), folder / "real.surf.gii")
+    options = ["--ga", "22", "--hemi", "L", "--end", "22.2", "--config", str(folder / "fold.yaml"), "--threads", "1"]
+    options += ["--real", f"22.3={folder / 'real.surf.gii'}"]
+    assert main(["fold", str(folder / "ball.vtu"), "-o", str(folder / "out"), *options]) == 0
+    return folder / "out"
+
+
+def test_the_command_makes_everything_and_drawing_again_gives_the_same_files(run: Path) -> None:
+    assert {path.name for path in run.iterdir()} == {
+        "fold.tsv", "fold.json", "fold.pvd", "frames", "seconds.tsv", "verdict.json",
+        "folding.svg", "folded.png", "folding.gif", MANIFEST,
+    }  # fmt: skip
+    with Image.open(run / "folding.gif") as film:
+        assert film.n_frames >= 3 and film.size == (800, 640)
+    before = {name: (run / name).read_bytes() for name in ("folding.svg", "folded.png", "folding.gif")}
+    fold_figures.draw(run, "L", {22.3: run.parent / "real.surf.gii"})
+    assert {name: (run / name).read_bytes() for name in before} == before
+    with pytest.raises(InputError, match=r"fold\.pvd"):
+        series(run / "frames/fold.pvd")
+
+
+def test_the_figure_shows_what_the_table_holds(run: Path) -> None:
+    figure, rows = numbers(run / "fold.tsv", "L"), read_tsv(run / "fold.tsv").apply(pd.to_numeric, errors="coerce")
+    shown = {axis.get_ylabel(): axis.lines[0] for axis in figure.axes}
+    units = {
+        "gyrification index": ("gyrification_index", 1), "area (cm²)": ("area_mm2", 100),
+        "volume (mL)": ("volume_mm3", 1000), "hull volume (mL)": ("hull_volume_mm3", 1000),
+        "width of folds (mm)": ("fold_spacing_mm", 1), "depth of sulci (mm)": ("sulcal_depth_mm", 1),
+        "smallest $J$": ("min_j", 1), "largest $q$": ("q_max", 1),
+    }  # fmt: skip
+    assert shown.keys() == units.keys()
+    for label, (column, unit) in units.items():
+        assert np.asarray(shown[label].get_ydata()) == pytest.approx(rows[column].to_numpy() / unit, nan_ok=True)
+        assert np.asarray(shown[label].get_xdata()) == pytest.approx([22, 22.1, 22.2], abs=0.02)
+    widths = {axis.get_ylabel(): axis.get_position().width for axis in figure.axes}
+    assert max(widths["smallest $J$"], widths["largest $q$"]) < 0.7 * min(widths["area (cm²)"], widths["volume (mL)"])
+
+
+@pytest.mark.parametrize(
+    ("hemisphere", "sources"),
+    [("L", {"CRL": 5, "FetoMorph": 3, "spina": 1, "dHCP": 9}), (None, {"FetoMorph": 1})],
+)
+def test_the_curves_stand_on_real_brains_whose_source_is_named(
+    run: Path, hemisphere: str | None, sources: dict[str, int]
+) -> None:
+    figure = numbers(run / "fold.tsv", hemisphere)
+    for axis in figure.axes:
+        found = {re.split("[ ,]", str(points.get_label()))[0]: len(points.get_offsets()) for points in axis.collections}
+        small = axis.get_ylabel() in ("smallest $J$", "largest $q$")
+        assert found == ({} if small else sources)
+        assert all(np.isfinite(points.get_offsets()).all() for points in axis.collections)
+    (legend,) = figure.legends
+    named = [text.get_text() for text in legend.get_texts()]
+    assert named[0] == "this run" and [re.split("[ ,]", name)[0] for name in named[1:]] == list(sources)
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "ticks"),
+    [
+        (22.0, 22.2, [22, 23]),
+        (22, 38, [22, 26, 30, 34, 38]),
+        (25, 30, list(range(25, 31))),
+        (27.3, 34, [27, 29, 31, 33]),
+    ],
+)
+def test_ticks_are_at_whole_weeks(first: float, last: float, ticks: list[int]) -> None:
+    axis = Figure().subplots()
+    weeks(axis, first, last)
+    assert axis.get_xticks().tolist() == ticks
+    low, high = axis.get_xlim()
+    assert low < first and last < high
+    minor = np.asarray(axis.xaxis.get_minorticklocs())
+    assert np.array_equal(minor, np.round(minor))
+
+
+def test_brains_are_seen_from_three_sides_in_colour_and_the_wall_in_grey(run: Path) -> None:
+    image = matplotlib.image.imread(run / "folded.png")[:, :, :3]
+    coloured = np.ptp(image, axis=2) > 0.2
+    grey = (np.ptp(image, axis=2) < 0.03) & (np.abs(image[:, :, 0] - 0.42) < 0.05)
+    above_the_foot = slice(0, int(0.85 * len(image)))
+    parts = np.array_split(np.arange(int(0.087 * image.shape[1]), image.shape[1]), 6)
+    seen = [coloured[above_the_foot, part].mean() for part in parts]
+    walls = [grey[above_the_foot, part].mean() for part in parts]
+    # two simulated brains, of the first frame and the last, and one real one beside the last
+    assert min(seen[:3]) > 1.2 * max(seen[3:]) > 0.05
+    assert min(walls[1], walls[4]) > 5 * max(walls[0], walls[2], walls[3], walls[5])
+
+
+def frames(*ages: float) -> list[tuple[Path, float]]:
+    return [(Path(f"{age}.vtu"), age) for age in ages]
+
+
+@pytest.fixture
+def rows(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., list[tuple[float, str]]]:
+    """Ages of the rows of the sheet for some frames and ages of real brains, and what stands beside each."""
+    surface = ball_surface(2)
+    brain = brain_of(surface, np.zeros(len(surface.points), bool))
+    monkeypatch.setattr(fold_figures, "simulated_brain", lambda _: brain)
+    monkeypatch.setattr(fold_figures, "real_brain", lambda *_: brain)
+
+    def of(ages: list[float], real: list[float], text: str = "") -> list[tuple[float, str]]:
+        files = {age: tmp_path / f"real{age:g}.surf.gii" for age in real}
+        for path in files.values():
+            path.write_text(text)
+        found = fold_figures.rows_of(frames(*ages), "L", files)
+        assert all((row.real is not None) == bool(row.name) for row in found)
+        return [(row.age, row.name) for row in found]
+
+    return of
+
+
+def test_rows_are_in_even_steps_with_one_for_every_real_brain_and_others_are_named(
+    rows: Callable[..., list[tuple[float, str]]], caplog: pytest.LogCaptureFixture
+) -> None:
+    weekly = [float(age) for age in range(22, 41)]
+    assert [age for age, _ in rows(weekly, [])] == [22, 25, 28, 31, 34, 37, 40]
+    assert rows(weekly[:9], [26.2, 28.4]) == [
+        (22, ""), (26, "real26.2, 26.2 weeks"), (28, "real28.4, 28.4 weeks"), (30, ""),
+    ]  # fmt: skip
+    assert not caplog.messages
+    assert rows([30.0, 31.0], [22.0, 30.4, 30.1]) == [(30, "real30.1, 30.1 weeks"), (31, "")]
+    assert "real22.surf.gii" in caplog.text and "real30.4.surf.gii" in caplog.text
+    right = "<Name>AnatomicalStructurePrimary</Name><Value>CortexRight</Value>"
+    assert rows([30.0, 31.0], [30.0], right) == [(30, ""), (31, "")]
+    assert "hemisphere R" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("option", "word"),
+    [
+        ("30", "'30'"),
+        ("old=x.surf.gii", "'old'"),
+        ("30=gone.surf.gii", "gone.surf.gii"),
+        ("30=right.surf.gii", "hemisphere R"),
+    ],
+)
+def test_a_real_brain_that_cannot_be_is_refused_before_the_work(
+    option: str, word: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    vtu.write(ball_mesh(2, radius=10.0), tmp_path / "ball.vtu")
+    write_surface(ball_surface(2), tmp_path / "right.surf.gii")
+    image = nibabel.load("right.surf.gii")
+    image.meta["AnatomicalStructurePrimary"] = "CortexRight"
+    Path("right.surf.gii").write_bytes(image.to_xml())
+    try:
+        code = main(["fold", "ball.vtu", "--ga", "22", "--hemi", "L", "-o", "out", "--real", option])
+    except SystemExit as ended:
+        code = ended.code
+    assert code and word in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_inverted_element_shows_in_the_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    vtu.write(ball_mesh(2, radius=10.0), tmp_path / "ball.vtu")
+    (tmp_path / "fold.yaml").write_text("fold: {allow_volume: true, growth_rate: 1000}\n")
+    options = ["--ga", "22", "--config", str(tmp_path / "fold.yaml"), "--threads", "1"]
+    assert main(["fold", str(tmp_path / "ball.vtu"), "-o", str(tmp_path / "out"), *options]) == 1
+    assert "inverted (J = " in capsys.readouterr().out
+
+
+def test_another_terminal_can_ask_how_far_a_run_is(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["fold", "--status", str(run)]) == 0
+    line = capsys.readouterr().out.strip()
+    assert line == reached(run) and "100%" in line and "22.20 weeks" in line
+    assert main(["fold", "--status", str(run / "frames")]) == 1
+
+
+def test_a_log_gets_a_line_per_percent_with_what_is_left() -> None:
+    now = Measurements(**dict.fromkeys(Measurements.__dataclass_fields__, 1.0))
+    said: list[str] = []
+    progress = per_percent(said.append)
+    for part in (0.0, 0.004, 0.011, 0.012, 0.5, 1.0):
+        progress(now, part, 10.0)
+    assert [line.split("] ")[1][:4].strip() for line in said] == ["0%", "1%", "50%", "100%"]
+    assert "3 min left" in status(now, 0.25, 60.0) and "? left" in status(now, 0.0, 0.0)

@@ -1,0 +1,197 @@
+"""A fold comes home: the folded cortex on the vertices of its own surface, and the stress that its elements feel."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import nibabel as nib
+import numpy as np
+import pytest
+from shapes import ball_mesh, ball_surface
+
+from cortet.cli import main
+from cortet.errors import InputError
+from cortet.folding.fold import SAME_AGE, fold
+from cortet.folding.fold_figures import draw, mapped
+from cortet.folding.fold_views import COLOURS, Colours, Row
+from cortet.folding.folded_surface import folded_surface, maps_of
+from cortet.folding.growth import time_of
+from cortet.folding.journal import series
+from cortet.folding.kernels import elastic_forces, nodal_forces
+from cortet.folding.measurements import gaussian_curvature, local_gyrification
+from cortet.folding.measures import MEASURES, surface_files, weeks_in
+from cortet.folding.mechanics import mechanics
+from cortet.folding.run import advance_to, beginning, measured, prepared
+from cortet.folding.section import Settings
+from cortet.formats import vtu
+from cortet.formats.gifti import read_surface, write_surface
+from cortet.geometry.topology import face_areas
+from cortet.meshes import TetMesh
+from cortet.solver_files.results import symmetric
+from cortet.solver_files.surface_map import map_of_file
+
+RADIUS, START, END = 20.0, 28.0, 28.4
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folded ball, and its surface at the start and at the end."""
+    folder = tmp_path_factory.mktemp("home")
+    write_surface(ball_surface(3, RADIUS), path := folder / "x.surf.gii")
+    image = nib.load(path)
+    image.meta["AnatomicalStructurePrimary"] = "CortexLeft"
+    image.darrays[0].meta["AnatomicalStructureSecondary"] = "GrayWhite"
+    path.write_bytes(image.to_xml())
+    assert main(["mesh", str(path), "--ga", str(START), "--cell-size", "3.5", "-o", str(folder / "x.vtu")]) == 0
+    command = ["fold", str(folder / "x.vtu"), "--end", str(END), "--surfaces", f"{START:g},{END:g}"]
+    assert main([*command, "-o", str(folder / "folded")]) == 0
+    return folder
+
+
+def values(folder: Path, name: str, week: float = END) -> np.ndarray:
+    arrays = nib.load(folder / f"folded/x_week-{week:g}_{name.replace('_', '')}.shape.gii").darrays
+    return np.column_stack([array.data for array in arrays]).squeeze()
+
+
+def frame(folder: Path) -> TetMesh:
+    return vtu.read(max((folder / "folded/frames").glob("*.vtu")))
+
+
+def test_the_stress_is_the_one_that_moves_the_nodes() -> None:
+    """Exactly so where elements are not smoothed."""
+    settings = Settings(gestational_age=22.0, allow_volume=True, end=23.0, thickness=3.0, model="braingrowth")
+    run = prepared(ball_mesh(2, radius=10.0), settings)
+    moment = beginning(run)
+    advance_to(run, moment, time_of(22.3))
+    measured(run, moment)
+    felt = mechanics(run, moment)
+    x, cells = moment.state.x, run.mesh.cells
+    gradients = np.linalg.inv(x[cells[:, 1:]] - x[cells[:, :1]]).transpose(0, 2, 1)
+    gradients = np.concatenate([-gradients.sum(axis=1, keepdims=True), gradients], axis=1)
+    forces = -np.einsum("e,eij,ekj->eki", moment.work.current, symmetric(felt.stress), gradients)
+    total = np.stack([np.bincount(cells.ravel(), forces[:, :, axis].ravel()) for axis in range(3)], axis=1)
+    course = run.growth.at(np.array([moment.time]), moment.dt)
+    elastic_forces(run.material, x, moment.work, course.growth[0], float(course.thickening[0]))
+    expected = nodal_forces(moment.work)
+    assert np.abs(expected).max() > 0
+    assert total == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
+    assert felt.stretch.max() > 1.001
+
+
+def test_a_homogeneous_strain_has_the_same_stress_everywhere() -> None:
+    settings = Settings(gestational_age=22.0, allow_volume=True, end=23.0, thickness=1e-3)
+    run = prepared(ball_mesh(2, radius=10.0), settings)
+    moment = beginning(run)
+    moment.state.x[:] = moment.state.x @ np.array([[1.1, 0.05, 0.0], [0.0, 0.95, 0.0], [0.0, 0.0, 1.0]])
+    measured(run, moment)
+    felt = mechanics(run, moment)
+    assert felt.stress == pytest.approx(np.tile(felt.stress[0], (len(felt.stress), 1)), abs=1e-12)
+    assert np.ptp(felt.stretch) < 1e-12 and felt.stretch[0] > 1.05
+    assert np.abs(felt.stress[0]).max() > 0.05
+
+
+def test_curvature_and_gyrification_of_a_ball() -> None:
+    ball = ball_surface(4, RADIUS)
+    gaussian = gaussian_curvature(ball.points, ball.faces)
+    assert np.median(gaussian) == pytest.approx(1 / RADIUS**2, rel=0.02)
+    areas = np.bincount(ball.faces.ravel(), np.repeat(face_areas(ball.points, ball.faces) / 3, 3))
+    assert gaussian @ areas == pytest.approx(4 * np.pi)  # Gauss and Bonnet
+    # the part of a sphere within a ball around one of its points has the area of the ball's great circle
+    assert local_gyrification(ball.points, ball.faces) == pytest.approx(1, abs=0.08)
+
+
+def test_the_folded_surface_is_the_input_moved(folder: Path) -> None:
+    given, made = (read_surface(folder / name) for name in ("x.surf.gii", f"folded/x_week-{END:g}_white.surf.gii"))
+    assert np.array_equal(given.faces, made.faces) and given.frame == made.frame
+    start = read_surface(folder / f"folded/x_week-{START:g}_white.surf.gii")
+    assert np.abs(start.points - given.points).max() < 0.01  # less its facets
+    assert np.linalg.norm(made.points, axis=1).mean() > RADIUS + 0.05
+    image = nib.load(folder / f"folded/x_week-{END:g}_white.surf.gii")
+    assert image.meta["AnatomicalStructurePrimary"] == "CortexLeft"
+    assert image.darrays[0].meta["AnatomicalStructureSecondary"] == "GrayWhite"
+
+
+def test_every_measure_has_a_file(folder: Path) -> None:
+    for name in MEASURES:
+        found = values(folder, name)
+        assert len(found) == len(ball_surface(3, RADIUS).points)
+        assert np.isfinite(found).all(), name
+    assert values(folder, "area_growth", START) == pytest.approx(1, abs=1e-5)
+    assert values(folder, "thickness", START) == pytest.approx(1.25, rel=1e-5)
+    assert values(folder, "cortex_stress", START) == pytest.approx(0, abs=1e-6)
+    assert values(folder, "depth", START) == pytest.approx(0, abs=1e-4)
+    assert np.linalg.norm(values(folder, "cortex_direction"), axis=1) == pytest.approx(1, abs=1e-5)
+    assert values(folder, "cortex_pressure").mean() > values(folder, "white_pressure").mean() > 0
+    assert values(folder, "area_growth").mean() > 1.01
+
+
+def test_the_picture_shows_a_map_and_its_medial_wall_in_grey(folder: Path) -> None:
+    def shown(name: str) -> tuple[list[Row], Colours]:
+        named = {week: surface_files(folder / "folded", "x", week) for week in (START, END)}
+        files = {week: (some["surface"], some[name]) for week, some in named.items()}
+        return mapped(series(folder / "folded/fold.pvd"), files, name)
+
+    rows, colours = shown("cortex_pressure")
+    assert [row.age for row in rows] == [START, END] and not any(row.real for row in rows)
+    found, right = rows[1].simulated.curvature, ball_surface(3, RADIUS).points[:, 0]
+    wall = np.isnan(found)
+    assert 0 < wall.mean() < 0.3 and right[wall].min() > right[~wall].mean()
+    assert np.array_equal(found[~wall], values(folder, "cortex_pressure")[~wall])
+    assert colours.label == "cortex pressure" and colours.span[1] == pytest.approx(np.nanpercentile(found, 98), rel=0.5)
+    bent = shown("gaussian_curvature")[1]
+    assert bent.label == "gaussian curvature (1/mm2)"
+    middle = {"viridis": bent.span[0] >= 0, COLOURS: sum(bent.span) == 0}
+    assert middle[bent.name]
+
+
+def test_a_fold_of_another_mesh_is_refused(folder: Path) -> None:
+    found, _, _ = map_of_file(folder / "x.vtu", vtu.read(folder / "x.vtu"))
+    moved = frame(folder)
+    with pytest.raises(InputError, match="another mesh"):
+        folded_surface(replace(moved, points=moved.points + 1.0), found)
+    with pytest.raises(InputError, match=r"no stress.*fold\.surfaces"):
+        maps_of(replace(moved, cell_data={}), moved, found)
+
+
+def test_weeks_that_a_fold_does_not_reach_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["fold", str(folder / "x.vtu"), "--end", "29", "--surfaces", "28.5,34", "-o", str(folder / "later")]
+    assert main(command) == 1
+    assert "28 to 29 weeks, not to 34" in capsys.readouterr().err
+    assert not (folder / "later").exists()
+
+
+def test_a_new_fold_deletes_what_an_earlier_one_left_in_its_folder(
+    folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Maps of other weeks, or of another mesh, would pass for its own. Files of the user stay."""
+    command = ["fold", str(folder / "x.vtu"), "-o", str(tmp_path / "again"), "--end"]
+    assert main([*command, "28.2", "--surfaces", "28.2"]) == 0
+    kept = tmp_path / "again/mine_week-28.2_depth.shape.gii"
+    kept.write_bytes((tmp_path / "again/x_week-28.2_depth.shape.gii").read_bytes())
+    young = tmp_path / "again/young_week-28_white.surf.gii"
+    assert main(["phantom", "--ga", "28", "--subdivisions", "2", "-o", str(young)]) == 0
+    frame = tmp_path / "again/frames/frame_0077.vtu"
+    frame.touch()
+    assert main([*command, "28.1"]) == 1
+    assert "replaced" not in caplog.text
+    frame.unlink()
+    (tmp_path / "map.yaml").write_text("fold: {picture: depth, allow_volume: true}")
+    assert main([*command, "28.1", "--surfaces", "28.1", "--config", str(tmp_path / "map.yaml")]) == 0
+    assert f"again: an earlier fold is replaced (frames: 2, surfaces and maps: {len(MEASURES) + 1})" in caplog.text
+    assert {path.name for files in weeks_in(tmp_path / "again") for path in files} == {
+        kept.name,
+        young.name,
+        *(path.name for path in surface_files(tmp_path, "x", 28.1).values()),
+    }
+    with_map = (tmp_path / "again/folded.png").read_bytes()
+    draw(tmp_path / "again", "L")
+    assert (tmp_path / "again/folded.png").read_bytes() != with_map
+
+
+def test_a_run_without_surfaces_has_no_stress(tmp_path: Path) -> None:
+    fold(
+        ball_mesh(1, radius=10.0), tmp_path, Settings(gestational_age=22.0, allow_volume=True, end=22.1, thickness=3.0)
+    )
+    assert set(vtu.read(tmp_path / "frames/frame_0001.vtu").cell_data) == {"J", "growth"}
+    assert SAME_AGE < 1e-3

@@ -1,0 +1,217 @@
+"""Measured growth: it is found between two surfaces, and a fold grows by it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import ball_mesh, ball_surface
+
+from cortet.cli import main
+from cortet.errors import InputError
+from cortet.folding.fold import fold
+from cortet.folding.growth_map import sheared, tangents
+from cortet.folding.law import deformation, grown_gradients
+from cortet.folding.run import advance_to, beginning, prepared
+from cortet.folding.section import Settings
+from cortet.folding.surface_growth import (
+    area_ratio,
+    logarithmic_growth,
+    measured,
+    principal,
+    smoothed,
+    vertex_areas,
+)
+from cortet.formats.gifti import write_surface
+from cortet.formats.tsv import read_tsv
+from cortet.geometry.topology import vertex_normals
+from cortet.meshes import FloatArray, TetMesh, TriSurface
+from cortet.solver_files.names import growth_field
+
+THIN = Settings(
+    gestational_age=22.0,
+    allow_volume=True,
+    end=22.5,
+    thickness=3.0,
+    record_interval=0.5,
+    frame_interval=0.5,
+    envelope=False,
+)
+
+
+def stretched(surface: TriSurface, *factors: float) -> TriSurface:
+    return replace(surface, points=surface.points * factors)
+
+
+# --- what was measured
+
+
+def test_stretches_and_directions_of_a_stretched_ball_are_those_put_in() -> None:
+    ball = ball_surface(4)
+    tensors = logarithmic_growth(ball, stretched(ball, 1.5, 1.5, 1.2))
+    pole, equator = ball.points[:, 2].argmax(), ball.points[:, 0].argmax()
+    normals = vertex_normals(ball.points, ball.faces)
+    found = principal(tensors, normals)
+    assert (found.largest[pole], found.smallest[pole]) == pytest.approx((1.5, 1.5), rel=1e-3)
+    assert (found.largest[equator], found.smallest[equator]) == pytest.approx((1.5, 1.2), rel=1e-3)
+    assert abs(found.direction[equator]) == pytest.approx([0, 1, 0], abs=1e-3)
+
+
+def test_the_area_is_that_around_each_vertex() -> None:
+    ball = ball_surface(3)
+    later = replace(ball, points=ball.points * (1.2 + 0.1 * np.sin(ball.points[:, :1])))
+    assert area_ratio(logarithmic_growth(ball, later)) == pytest.approx(vertex_areas(later) / vertex_areas(ball))
+
+
+def test_smoothing_takes_away_as_much_noise_as_there_is() -> None:
+    ball = ball_surface(4)
+    later = stretched(ball, 1.5, 1.5, 1.2)
+    true = logarithmic_growth(ball, later)
+    noise = np.random.default_rng(0).normal(0, 0.05, later.points.shape)
+    noisy = logarithmic_growth(ball, replace(later, points=later.points + noise))
+    kept, less = smoothed(true, ball), smoothed(noisy, ball)
+    assert np.abs(less.tensors - true).mean() < 0.7 * np.abs(noisy - true).mean()
+    assert kept.width_mm <= less.width_mm
+    assert smoothed(noisy, ball, 0.0).tensors == pytest.approx(noisy)
+    assert smoothed(noisy, ball, 2.0).width_mm == pytest.approx(2.0, rel=0.1)
+
+
+def test_smoothing_keeps_the_growth_of_a_plane() -> None:
+    """Directions are turned with the surface: what is the same everywhere, seen from it, stays as it is."""
+    ball = ball_surface(3)
+    tensors = logarithmic_growth(ball, stretched(ball, 1.3, 1.3, 1.3))
+    assert smoothed(tensors, ball, 5.0).tensors == pytest.approx(tensors, abs=2e-2)
+    assert area_ratio(smoothed(tensors, ball, 5.0).tensors) == pytest.approx(1.69)
+
+
+def test_surfaces_that_do_not_correspond_are_refused() -> None:
+    ball = ball_surface(2)
+    turned, flat = replace(ball, faces=ball.faces[::-1]), replace(ball, points=np.zeros_like(ball.points))
+    for later, word in ((ball_surface(3), "correspond"), (turned, "correspond"), (flat, "no area")):
+        with pytest.raises(InputError, match=word):
+            logarithmic_growth(ball, later)
+    ball = ball_surface(4, radius=25.0)
+    mixed = ball.points[np.random.default_rng(0).permutation(len(ball.points))]
+    for early, late, word in ((1, ball.points / 1000, "in mm"), (1, mixed, "corr"), (1.2, ball.points, "0.69")):
+        with pytest.raises(InputError, match=word):
+            measured(replace(ball, points=early * ball.points), replace(ball, points=late))
+
+
+def test_an_output_that_is_no_gifti_is_refused(tmp_path: Path) -> None:
+    write_surface(ball_surface(2, radius=25.0), tmp_path / "x.surf.gii")
+    surfaces = [str(tmp_path / "x.surf.gii")] * 2
+    assert main(["growth", *surfaces, "--ages", "28", "30", "-o", str(tmp_path / "map")]) == 2
+
+
+# --- what is imposed
+
+
+def test_an_element_that_has_the_shape_of_its_growth_is_free_of_stress() -> None:
+    rng = np.random.default_rng(0)
+    normal = np.array([0.6, 0.0, 0.8])
+    t1, t2 = np.array(tangents(tuple(normal)))
+    assert np.array([t1, t2, normal]) @ np.array([t1, t2, normal]).T == pytest.approx(np.eye(3), abs=1e-15)
+    half, p, q, across = 0.3, 0.1, -0.2, 0.05
+    shear = p * (np.outer(t1, t1) - np.outer(t2, t2)) + q * (np.outer(t1, t2) + np.outer(t2, t1))
+    values, vectors = np.linalg.eigh(half * (np.outer(t1, t1) + np.outer(t2, t2)) + shear)
+    growth = (vectors * np.exp(values)) @ vectors.T
+    growth += (1 + across - 1) * np.outer(normal, normal)
+    edges = rng.normal(size=(3, 3))
+    gradients = np.linalg.inv(edges).T
+    changed = [sheared(tuple(row), tuple(t1), tuple(t2), p, q) for row in gradients]
+    grown = grown_gradients(*changed, tuple(normal), 0.0, np.exp(half) - 1, across)
+    assert np.array(deformation(*map(tuple, edges @ growth), *grown)) == pytest.approx(np.eye(3), abs=1e-12)
+
+
+def mapped(mesh: TetMesh, tensors: FloatArray, age: float = 24.0) -> TetMesh:
+    return replace(mesh, point_data={**mesh.point_data, growth_field(age): tensors})
+
+
+def radial(mesh: TetMesh, stretch: float) -> FloatArray:
+    """Logarithmic growth of each node across the direction from the centre."""
+    normals = mesh.points / np.maximum(np.linalg.norm(mesh.points, axis=1, keepdims=True), 1e-12)
+    plane = (np.eye(3) - normals[:, :, None] * normals[:, None, :]) * np.log(stretch)
+    return plane[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+
+
+def grown(mesh: TetMesh, settings: Settings) -> FloatArray:
+    run = prepared(mesh, settings)
+    moment = beginning(run)
+    assert not advance_to(run, moment, run.end)
+    return run.scale.origin + run.scale.length * run.growth.frame(moment.time) * moment.state.x
+
+
+def test_a_map_that_is_the_same_everywhere_grows_like_the_law_that_says_so() -> None:
+    mesh = ball_mesh(2, radius=10.0)
+    still = {22.0: 1.0, 23.0: 1.0}  # the whole keeps its volume
+    by_law = grown(mesh, THIN.with_keys(volume=still, growth_rate={22.0: 0.0, 24.0: 0.2}))
+    measured = prepared(mapped(mesh, radial(mesh, 1.2)), THIN.with_keys(volume=still))
+    assert measured.growth.mapped
+    by_map = grown(mapped(mesh, radial(mesh, 1.2)), THIN.with_keys(volume=still))
+    gained = np.linalg.norm(by_law - mesh.points, axis=1).max()
+    assert gained > 0.05
+    # a map is even in the logarithm, relative to a core that shrinks a little; the law in the stretch
+    assert np.abs(by_map - by_law).max() < 0.25 * gained
+
+
+@pytest.mark.usefixtures("at_rest")
+def test_what_grows_more_along_its_meridians_becomes_longer_from_pole_to_pole() -> None:
+    """And no larger: growth along the meridians is as much as shrinking along the parallels."""
+    mesh = ball_mesh(2, radius=10.0)
+    x, y, z = mesh.points.T
+    from_axis, from_centre = np.hypot(x, y), np.maximum(np.linalg.norm(mesh.points, axis=1), 1e-12)
+    parallel = np.stack([-y, x, 0 * z], axis=1) / np.maximum(from_axis, 1e-12)[:, None]
+    meridian = np.cross(parallel, mesh.points / from_centre[:, None])
+    shape = 0.2 * (from_axis / from_centre) ** 2
+    tensors = meridian[:, :, None] * meridian[:, None, :] - parallel[:, :, None] * parallel[:, None, :]
+    tensors = (shape[:, None, None] * tensors)[:, [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    end = grown(mapped(mesh, tensors), THIN.with_keys(end=23.5, volume={22.0: 1.0, 24.0: 1.0}))
+    along_x, along_y, along_z = np.ptp(end, axis=0) / np.ptp(mesh.points, axis=0)
+    assert along_z > 1.005 > 0.998 > along_x
+    assert along_x == pytest.approx(along_y, rel=2e-3)
+
+
+def test_the_energy_of_a_fold_by_a_map_is_balanced(tmp_path: Path) -> None:
+    mesh = ball_mesh(2, radius=10.0)
+    fold(mapped(mesh, radial(mesh, 1.3), 26.0), tmp_path, THIN.with_keys(end=24.0))
+    assert abs(float(read_tsv(tmp_path / "fold.tsv")["energy_error"].iloc[-1])) < 5e-3
+
+
+@pytest.mark.parametrize(
+    ("values", "age", "word"),
+    [
+        (np.zeros((1, 3)), 24.0, "shape"),
+        (np.full((1, 6), np.nan), 24.0, "finite"),
+        (np.full((1, 6), 2.5), 24.0, "sevenfold"),
+        (np.zeros((1, 6)), 21.0, "growth_to_21.* 22 weeks"),
+    ],
+)
+def test_what_is_no_map_is_refused(values: FloatArray, age: float, word: str, tmp_path: Path) -> None:
+    mesh = ball_mesh(1, radius=10.0)
+    wrong = mapped(mesh, np.repeat(values, len(mesh.points), axis=0), age)
+    for begin in (lambda: prepared(wrong, THIN), lambda: fold(wrong, tmp_path, THIN)):
+        with pytest.raises(InputError, match=word):
+            begin()
+
+
+def test_a_map_beside_another_law_and_metrics_in_its_place_are_refused() -> None:
+    plain, nothing = ball_mesh(1, radius=10.0), np.zeros((len(ball_mesh(1).points), 6))
+    ones = np.ones(len(plain.points))
+    mesh = mapped(plain, nothing)
+    for given, settings, word in (
+        (mesh, THIN.with_keys(model="braingrowth", envelope=None), "growth_to_24.*braingrowth"),
+        (replace(mesh, point_data={**mesh.point_data, "growth": ones}), THIN, "growth"),
+        (replace(plain, point_data={"growth_to_24_area_ratio": ones}), THIN, "growth_to_24_area_ratio.*func.gii"),
+    ):
+        with pytest.raises(InputError, match=word):
+            prepared(given, settings)
+
+
+def test_a_fold_ends_where_its_last_map_does(tmp_path: Path) -> None:
+    mesh = mapped(ball_mesh(1, radius=10.0), np.zeros((len(ball_mesh(1).points), 6)), 22.5)
+    said = list[str]()
+    verdict = fold(mesh, tmp_path, THIN.with_keys(end=24.0), say=said.append)
+    assert verdict.gestational_age == pytest.approx(22.5)
+    assert any("warning" in line and "22.5 weeks" in line for line in said)

@@ -1,0 +1,136 @@
+"""The medial wall of half a brain: it is found where it is, does not grow, and slides in the sagittal plane."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cubes import cube_mesh
+from scipy.spatial.transform import Rotation
+
+from cortet.errors import InputError
+from cortet.folding.body import scale_of
+from cortet.folding.growth import time_of
+from cortet.folding.medial_wall import Wall, medial_wall
+from cortet.folding.run import advance_to, beginning, described, millimetres, prepared
+from cortet.folding.section import Settings
+from cortet.formats.gifti import read_surface
+from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
+from cortet.meshes import MeshSets, TetMesh, TriSurface
+from cortet.phantoms import phantom
+from cortet.stages.generate import generate
+
+SHARED = Path(__file__).parents[3] / "shared/data"
+#: surface -> hemisphere, and share of the surface that the cut has, read off pictures
+REAL = {
+    "fetal/CRL_STA22_left_white": ("L", 0.06),
+    "fetal/CRL_STA25_right_white": ("R", 0.06),
+    "pairs/neonatal_dhcp_w28_lh_white": ("L", 0.045),
+    "pairs/neonatal_dhcp_w34_rh_white": ("R", 0.042),
+    "neonatal/week40.white.L": ("L", 0.03),
+}
+
+
+def wall_of(mesh: TetMesh | TriSurface, hemisphere: str) -> Wall:
+    scale = scale_of(mesh, hemisphere)
+    return medial_wall(mesh, hemisphere, scale.origin, scale.length)
+
+
+def block(turned: float = 0.0) -> TetMesh:
+    """A block of 20 x 60 x 40 mm, turned about the vertical by some degrees: all its sides are flat."""
+    mesh = cube_mesh(8)
+    turn = Rotation.from_euler("z", turned, degrees=True)
+    return TetMesh(turn.apply((mesh.points - 0.5) * [20, 60, 40]), mesh.cells)
+
+
+@pytest.mark.parametrize(("hemisphere", "side"), [("L", 1.0), ("R", -1.0)])
+@pytest.mark.parametrize("turned", [0.0, 8.0])
+def test_a_flat_cut_is_found_on_the_side_of_the_midline(hemisphere: str, side: float, turned: float) -> None:
+    mesh = block(turned)
+    wall = wall_of(mesh, hemisphere)
+    straight = Rotation.from_euler("z", -turned, degrees=True).apply(mesh.points[wall.nodes])
+    assert straight[:, 0] == pytest.approx(10 * side)
+    assert "is flat" in wall.found
+    assert 0.05 < wall.share < 0.2
+    assert wall.area_mm2 == pytest.approx(wall.share * 2 * (20 * 60 + 20 * 40 + 60 * 40))
+    assert np.abs(straight[:, 1]).max() < 25  # the cortex in front of it and behind faces the midline, too
+
+
+@pytest.mark.parametrize("hemisphere", ["L", "R"])
+def test_a_surface_has_the_wall_of_the_body_in_it(hemisphere: str) -> None:
+    mesh = block(8.0)
+    surface, nodes = boundary_surface(mesh)
+    scale, same = scale_of(mesh, hemisphere), scale_of(surface, hemisphere)
+    assert same.origin == pytest.approx(scale.origin, abs=1e-9) and same.length == scale.length
+    inside, on_surface = wall_of(mesh, hemisphere), wall_of(surface, hemisphere)
+    assert on_surface.nodes.sum() > 10 and np.array_equal(on_surface.nodes, inside.nodes[nodes])
+    assert on_surface[1:] == inside[1:]
+
+
+def test_a_body_without_a_cut_has_its_wall_around_the_middle() -> None:
+    mesh = generate(phantom(22.0, subdivisions=4), cell_size=3.0, mesher="lattice")[0]
+    wall, scale = wall_of(mesh, "L"), scale_of(mesh, "L")
+    assert "no part of the surface is flat" in wall.found
+    assert 0.05 < wall.share < 0.2
+    assert np.linalg.norm(mesh.points[wall.nodes].mean(axis=0)[1:] - scale.origin[1:]) < 0.2 * scale.length
+
+
+def test_the_mesh_or_the_surface_may_say_what_its_wall_is() -> None:
+    mesh = block()
+    surface, _ = boundary_surface(mesh)
+    faces, top = boundary_faces(mesh), mesh.points[:, 2] == 20
+    above = surface.points[:, 2] == 20
+    marked = [
+        (TetMesh(mesh.points, mesh.cells, {"medial_wall": top.astype(np.int32)}), top),
+        (TetMesh(mesh.points, mesh.cells, sets=MeshSets(faces={"medial_wall": faces[top[faces].all(axis=1)]})), top),
+        (TriSurface(surface.points, surface.faces, {"medial_wall": above.astype(np.int32)}), above),
+    ]
+    for body, expected in marked:
+        wall = wall_of(body, "L")
+        assert np.array_equal(wall.nodes, expected) and "marks it" in wall.found
+    for body, _ in marked[:2]:
+        assert prepared(body, Settings(gestational_age=22.0, hemisphere="L")).body.held.sum() == top.sum()
+    for value, word in ((0, "none"), (1, "all")):
+        with pytest.raises(InputError, match=word):
+            wall_of(TetMesh(mesh.points, mesh.cells, {"medial_wall": np.full(len(mesh.points), value)}), "L")
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_the_wall_of_a_real_brain_is_the_cut_through_its_middle(name: str) -> None:
+    path = SHARED / f"{name}.surf.gii"
+    if not path.exists():
+        pytest.skip(f"needs {path}")
+    hemisphere, share = REAL[name]
+    surface = read_surface(path)
+    for body in (generate(surface, cell_size=2.0, mesher="lattice")[0], surface):
+        wall = wall_of(body, hemisphere)
+        assert "is flat" in wall.found
+        assert wall.share == pytest.approx(share, rel=0.25)
+
+
+def test_the_wall_slides_in_the_sagittal_plane_and_does_not_grow() -> None:
+    mesh = block()
+    run = prepared(mesh, Settings(gestational_age=22.0, hemisphere="L", thickness=6.0))
+    surface = boundary_nodes(run.mesh)
+    held = run.body.held
+    inside = held[run.body.cells].all(axis=1)
+    assert not run.body.mask[inside].any()
+    far = ~held & np.isin(np.arange(len(held)), surface) & (run.mesh.points[:, 0] < -5)
+    assert (run.body.mask[far[run.body.cells].all(axis=1)] == 1).all()
+    moment = beginning(run)
+    assert not advance_to(run, moment, time_of(22.5))
+    moved = millimetres(run, moment) - run.mesh.points
+    assert not moved[held, 0].any()
+    assert np.abs(moved[held, 1:]).max() > 1e-3
+    assert np.abs(moved[far, 0]).max() > 1e-2
+    assert "medial wall: " in described(run)[1]
+
+
+def test_a_whole_brain_has_none() -> None:
+    run = prepared(block(), Settings(gestational_age=22.0))
+    assert run.wall is None and not run.body.held.any()
+    assert (
+        prepared(block(), Settings(gestational_age=22.0, hemisphere="L", model="braingrowth", reference=True)).wall
+        is None
+    )

@@ -1,0 +1,140 @@
+"""What is not a brain in mm and RAS coordinates is not folded; what is doubtful is said."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import ball_mesh
+
+from cortet.errors import InputError
+from cortet.folding.fold import fold
+from cortet.folding.plausible import check_cells, check_mesh, flatness
+from cortet.folding.run import prepared
+from cortet.folding.section import Settings
+from cortet.formats.gifti import read_surface
+from cortet.meshes import TetMesh
+from cortet.phantoms import phantom
+from cortet.stages.generate import generate
+
+SHARED = Path(__file__).parents[3] / "shared/data"
+LEFT, RIGHT = Settings(gestational_age=26.0, hemisphere="L"), Settings(gestational_age=26.0, hemisphere="R")
+
+
+@pytest.fixture(scope="module")
+def left() -> TetMesh:
+    """A left hemisphere of 26 weeks in coarse cells."""
+    return generate(phantom(26.0, subdivisions=4), cell_size=4.0, mesher="lattice")[0]
+
+
+def placed(mesh: TetMesh, *axes: int) -> TetMesh:
+    """The mesh with its axes in another order, 1 to 3, and turned round where negative."""
+    matrix = np.zeros((3, 3))
+    for row, axis in enumerate(axes):
+        matrix[row, abs(axis) - 1] = np.sign(axis)
+    cells = mesh.cells if np.linalg.det(matrix) > 0 else mesh.cells[:, [1, 0, 2, 3]]
+    return TetMesh(mesh.points @ matrix.T, cells, mesh.point_data)
+
+
+def test_a_hemisphere_in_its_place_is_not_doubted(left: TetMesh) -> None:
+    assert check_mesh(left, LEFT) == []
+    assert check_mesh(placed(left, -1, 2, 3), RIGHT) == []
+
+
+def in_two_pieces(mesh: TetMesh) -> TetMesh:
+    aside = mesh.points + np.array([200.0, 0, 0])
+    return TetMesh(np.vstack([mesh.points, aside]), np.vstack([mesh.cells, mesh.cells + len(mesh.points)]))
+
+
+def scaled(mesh: TetMesh, factor: float) -> TetMesh:
+    return TetMesh(factor * mesh.points, mesh.cells)
+
+
+@pytest.mark.parametrize(
+    ("change", "settings", "word"),
+    [
+        (lambda left: left, RIGHT, r"hemisphere R lies at -x .* \+x .*use --hemi L"),
+        (lambda left: placed(left, -1, -2, 3), LEFT, r"hemisphere L lies at \+x .* -x .*LPS"),
+        (lambda left: placed(left, 2, -1, 3), LEFT, r"-y .*RAS"),
+        (lambda left: placed(left, 3, 2, -1), LEFT, r"-z .*RAS"),
+        (lambda left: scaled(left, 1e-3), LEFT, "metres"),
+        (lambda left: scaled(left, 1e3), LEFT, "micrometres"),
+        (lambda left: scaled(left, 0.6), LEFT, "mL.* 26 weeks"),
+        (in_two_pieces, LEFT.with_keys(allow_volume=True), "2 separate pieces"),
+    ],
+)
+def test_what_is_no_hemisphere_of_the_age_in_its_place_is_refused(
+    left: TetMesh, change: Callable[[TetMesh], TetMesh], settings: Settings, word: str
+) -> None:
+    with pytest.raises(InputError, match=word):
+        check_mesh(change(left), settings)
+
+
+def test_a_volume_may_be_allowed_and_half_of_a_brain_of_unknown_side_is_not_doubted(left: TetMesh) -> None:
+    assert check_mesh(scaled(left, 0.6), LEFT.with_keys(allow_volume=True)) == []
+    assert check_mesh(left, Settings(gestational_age=26.0)) == []
+
+
+def test_what_is_flatter_on_the_other_side_and_lies_beyond_the_midline_is_refused() -> None:
+    old = generate(phantom(28.0, subdivisions=4), cell_size=3.0, mesher="lattice")[0]
+    flat = flatness(old)
+    assert 1.05 < flat[0, 1] / flat[0, -1] < 1.2, "by its sides alone this would only be doubted"
+    with pytest.raises(InputError, match="use --hemi L"):
+        check_mesh(old, Settings(gestational_age=28.0, hemisphere="R"))
+    centred = replace(old, points=old.points - old.points.mean(axis=0))
+    doubts = check_mesh(centred, Settings(gestational_age=28.0, hemisphere="R"))
+    assert [words for words in doubts if "use --hemi L" in words]
+    assert check_mesh(centred, Settings(gestational_age=28.0, hemisphere="L")) == []
+
+
+def test_a_mesh_that_marks_its_medial_wall_is_believed(left: TetMesh) -> None:
+    marked = replace(left, point_data={"medial_wall": (left.points[:, 0] > -3).astype(np.int32)})
+    assert check_mesh(marked, RIGHT) == []
+
+
+def test_a_ball_has_no_flat_side() -> None:
+    ball = ball_mesh(3, radius=20.0)
+    assert np.ptp(list(flatness(ball).values())) < 0.02
+    assert [words for words in check_mesh(ball, LEFT) if "midline" in words] == []
+
+
+def test_of_a_round_body_no_side_is_certain() -> None:
+    egg = ball_mesh(2, radius=20.0)
+    points = egg.points * [1, 0.95, 0.9]
+    points[:, 0] = np.minimum(points[:, 0], 15)
+    cut = TetMesh(points, egg.cells)
+    assert flatness(cut)[0, 1] > 1.5 * flatness(cut)[0, -1]
+    assert [words for words in check_mesh(cut, RIGHT) if "use --hemi L" in words]
+
+
+def test_cells_as_coarse_as_the_cortex_are_doubted(left: TetMesh) -> None:
+    (doubt,) = check_cells(prepared(left, LEFT))
+    assert "the width of the folds will be that of the cells" in doubt
+    assert check_cells(prepared(left, LEFT.with_keys(thickness=8.0))) == []
+
+
+def test_a_fold_says_its_doubts_and_begins_none_that_is_refused(left: TetMesh, tmp_path: Path) -> None:
+    said: list[str] = []
+    fold(left, tmp_path, LEFT.with_keys(end=26.001), say=said.append)
+    assert said[-1].startswith("warning: the cells are ")
+    assert json.loads((tmp_path / "verdict.json").read_text())["warnings"] == [said[-1].removeprefix("warning: ")]
+    with pytest.raises(InputError, match="hemisphere R"):
+        fold(left, tmp_path / "none", RIGHT)
+    assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.skipif(not SHARED.exists(), reason="needs ../shared/data")
+@pytest.mark.parametrize(
+    ("name", "hemisphere"),
+    [("CRL_STA22_left_white", "L"), ("CRL_STA25_right_white", "R"), ("fetomorph_GW30_right", "R")],
+)
+def test_real_hemispheres_are_in_their_place(name: str, hemisphere: str) -> None:
+    mesh = generate(read_surface(SHARED / f"fetal/{name}.surf.gii"), cell_size=4.0, mesher="lattice")[0]
+    settings = Settings(gestational_age=float("".join(filter(str.isdigit, name))), hemisphere=hemisphere)
+    assert check_mesh(mesh, settings) == []
+    with pytest.raises(InputError, match="turn the mesh to RAS"):
+        check_mesh(placed(mesh, 2, -1, 3), settings)

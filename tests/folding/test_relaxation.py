@@ -1,0 +1,297 @@
+"""Tissue that yields: a held strain decays as in a Maxwell body, in shape and not in volume, in the core alone."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+
+import numba
+import numpy as np
+import pandas as pd
+import pytest
+from cubes import cube_mesh
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm, logm
+from shapes import ball_mesh
+
+from cortet.errors import InputError
+from cortet.folding.body import Body, Material, Scale, body_of
+from cortet.folding.fold import fold
+from cortet.folding.journal import TABLE
+from cortet.folding.kernels import Motion, elastic_forces, energies, nodal_forces, workspace
+from cortet.folding.law import growth_share, own_growth
+from cortet.folding.models import tangential
+from cortet.folding.relaxation import FLATTEST, Relaxation, quality, relax
+from cortet.folding.run import advance_to, beginning, prepared
+from cortet.folding.section import Settings
+from cortet.formats.tsv import read_tsv
+from cortet.measure.quality import quality as q_of
+from cortet.meshes import REGION, FloatArray, TetMesh
+
+UNIT, MATERIAL, NOTHING = Scale(np.zeros(3), 1.0), Material(mu_core=1.0), tangential([0.0])
+YIELDS = Settings(
+    gestational_age=22.0, allow_volume=True, end=22.5, thickness=3.0, core_relaxation=0.5, record_interval=0.1
+)
+
+
+def core(mesh: TetMesh) -> Body:
+    """A body of which all is core."""
+    body = body_of(mesh, UNIT, mask=np.zeros(len(mesh.points)))
+    return body._replace(gradients=body.gradients.copy())
+
+
+def step(body: Body, x: FloatArray, part: float, growth: FloatArray = NOTHING) -> float:
+    """Let a body yield; the energy that it had before."""
+    work = workspace(body)
+    before = sum(energies(MATERIAL, Motion(x, np.zeros_like(x)), work, growth, 0.0))
+    relax(body.gradients, work, growth, 0.0, np.full(len(body.cells), part))
+    return before
+
+
+def elastic_strain(body: Body, x: FloatArray, element: int = 0) -> FloatArray:
+    """Logarithm of Fe^T Fe of an element, half of it."""
+    corners = x[body.cells[element]]
+    f = (corners[1:] - corners[0]).T @ body.gradients[element]
+    return np.asarray(np.real(logm(f.T @ f)) / 2)
+
+
+SHEARED = np.array([[1.3, 0.4, 0.0], [0.0, 0.9, 0.1], [0.0, 0.0, 1.0]])
+
+
+def uneven(count: int) -> tuple[Body, FloatArray]:
+    """A body of so many elements, each with its own depth, normal, thickness and label, and deformed positions."""
+    rng, ball = np.random.default_rng(count), ball_mesh(3)
+    nodes, cells = np.unique(ball.cells[:count], return_inverse=True)
+    points, cells = ball.points[nodes], cells.reshape(-1, 4).astype(np.int32)
+    edges = points[cells[:, 1:]] - points[cells[:, :1]]
+    normals = rng.normal(size=(count, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals[::4] = 0
+    gradients = np.linalg.inv(edges).transpose(0, 2, 1)
+    gradients[::7] *= [1, 1, 50]  # almost flat, and the body becomes so in the same direction
+    body = Body(
+        cells=cells,
+        gradients=np.ascontiguousarray(gradients),
+        volumes=np.linalg.det(edges) / 6,
+        normals=normals,
+        depth=rng.uniform(0, 0.3, count),
+        mask=rng.uniform(size=count),
+        amount=rng.uniform(size=count),
+        stiffness=rng.uniform(0.3, 3, count),
+        thickness=rng.uniform(0.1, 0.2, count),
+        label=rng.integers(0, 3, count).astype(np.int32),
+        held=np.zeros(len(points), bool),
+    )
+    moved = points * [4, 4, 1 / 16] @ (np.eye(3) + 0.2 * rng.normal(size=(3, 3)))
+    moved[::9] += 0.3 * rng.normal(size=moved[::9].shape)  # some elements are inverted
+    return body, moved
+
+
+def yielded(body: Body, x: FloatArray, growth: FloatArray, parts: FloatArray) -> tuple[FloatArray, set[str]]:
+    """Gradients by the formulas of `relaxation` and `smoothing`, one element after another; which cases there were."""
+    shares = [growth_share(*each) for each in zip(body.depth, body.thickness, body.mask, strict=True)]
+    grown, weights, deformed = [], [], []
+    for e, (share, n) in enumerate(zip(shares, body.normals, strict=True)):
+        alpha, beta = own_growth(share, body.amount[e], *growth[body.label[e]])
+        across = beta if n.any() else alpha
+        grown.append((1 + alpha) * np.eye(3) + (across - alpha) * np.outer(n, n))
+        corners = x[body.cells[e]]
+        deformed.append((corners[1:] - corners[0]).T @ body.gradients[e] @ np.linalg.inv(grown[e]))
+        modulus = MATERIAL.mu_core * body.stiffness[e] * (1 - share) + MATERIAL.mu_cortex * share
+        weights.append(modulus * body.volumes[e] * np.linalg.det(grown[e]))
+    around: dict[tuple[int, ...], list[int]] = {}
+    for e, cell in enumerate(body.cells):
+        for pair in combinations(sorted(cell.tolist()), 2):
+            around.setdefault(pair, []).append(e)
+    means = {
+        p: np.average([deformed[e] for e in at], axis=0, weights=[weights[e] for e in at]) for p, at in around.items()
+    }
+    after, cases = body.gradients.copy(), set()
+    for e, cell in enumerate(body.cells):
+        f = np.mean([means[pair] for pair in combinations(sorted(cell.tolist()), 2)], axis=0)
+        if np.linalg.det(f) <= 0 or parts[e] == 0:
+            cases.add("inverted" if parts[e] else "elastic")
+            continue
+        c = np.linalg.det(f) ** (-2 / 3) * f.T @ f
+        p = min(parts[e] * (1 - shares[e]) / 2, 1 / (1 + np.trace(c)))
+        flow = (1 - p) * np.eye(3) + p * c
+        flow /= np.cbrt(np.linalg.det(flow))
+        new = body.gradients[e] @ np.linalg.inv(grown[e]) @ np.linalg.inv(flow) @ grown[e]
+        now, then = (quality(*map(tuple, rows)) for rows in (new, body.gradients[e]))
+        cases.add("yields" if now >= FLATTEST or now >= then else "too flat")
+        if now >= FLATTEST or now >= then:
+            after[e] = new
+    return after, cases
+
+
+@pytest.mark.parametrize("count", [1, 512, 513, 1100])
+def test_every_element_yields_by_its_own_growth_and_depth(count: int) -> None:
+    body, x = uneven(count)
+    growth, parts = np.array([[0.3, -0.1, 0.05], [0.1, 0.2, 0.0], [0.0, 0.0, -0.2]]), np.full(count, 0.4)
+    parts[1::5] = 0
+    expected, cases = yielded(body, x, growth, parts)
+    work = workspace(body)
+    for memory in (work.own_rows, work.own_nodes, work.edges.deformation):
+        memory[:] = np.nan  # what was there before does not matter
+    energies(MATERIAL, Motion(x, np.zeros_like(x)), work, growth, 0.0)
+    relax(body.gradients, work, growth, 0.0, parts)
+    assert body.gradients == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    assert count < 512 or cases == {"inverted", "elastic", "yields", "too flat"}
+
+
+def test_a_small_strain_that_is_held_decays_by_the_exponential() -> None:
+    mesh = cube_mesh(2, jitter=0.2)
+    body, x = core(mesh), mesh.points @ (np.eye(3) + 1e-5 * SHEARED).T
+    before = elastic_strain(body, x)
+    for _ in range(10):
+        step(body, x, 1 - np.exp(-0.1))  # a time tau in all
+    after = elastic_strain(body, x)
+    deviator = before - np.trace(before) / 3 * np.eye(3)
+    assert np.trace(after) == pytest.approx(np.trace(before), abs=1e-13)
+    assert np.linalg.eigvalsh(after - np.trace(after) / 3 * np.eye(3)) == pytest.approx(
+        np.exp(-1) * np.linalg.eigvalsh(deviator), rel=1e-4
+    )
+
+
+@pytest.mark.parametrize(("steps", "error"), [(10, 0.02), (100, 0.002), (1000, 0.0002)])
+def test_a_large_one_flows_in_proportion_to_stress(steps: int, error: float) -> None:
+    """The stretches follow d ln c / dt = -(c - mean c) / tau, c = squared stretches of determinant 1."""
+    mesh = cube_mesh(2, jitter=0.2)
+    body, x = core(mesh), mesh.points @ SHEARED.T
+    squares = np.exp(2 * np.linalg.eigvalsh(elastic_strain(body, x)))
+    start = np.log(squares / np.prod(squares) ** (1 / 3))
+    flow = solve_ivp(lambda _, logs: np.exp(logs).mean() - np.exp(logs), (0, 1), start, rtol=1e-10, atol=1e-12)
+    for _ in range(steps):
+        step(body, x, 1 - np.exp(-1 / steps))
+    after = elastic_strain(body, x)
+    assert np.linalg.det(body.gradients) == pytest.approx(1 / (6 * body.volumes), rel=1e-12)
+    assert 2 * np.linalg.eigvalsh(after - np.trace(after) / 3 * np.eye(3)) == pytest.approx(flow.y[:, -1], abs=error)
+
+
+def test_a_body_loses_energy() -> None:
+    mesh = ball_mesh(2)
+    body = body_of(mesh, UNIT, thickness=0.3)
+    body, growth = body._replace(gradients=body.gradients.copy()), np.array([[0.3, -0.1, 0.05]])
+    x = mesh.points @ SHEARED.T
+    had = [step(body, x, 0.2, growth) for _ in range(4)]
+    assert np.all(np.diff(had) < 0)
+
+
+def test_what_only_one_element_has_stays() -> None:
+    """Where edges have no strain, an element that is deformed against its neighbours does not give in."""
+    mesh = cube_mesh(3, jitter=0.2)
+    body, x = core(mesh), mesh.points.copy()
+    inner = int(np.flatnonzero(np.abs(x - 0.5).max(axis=1) < 0.3)[0])
+    x[inner] += 0.02
+    for _ in range(300):
+        step(body, x, 0.1)
+    own = np.flatnonzero((mesh.cells == inner).any(axis=1))
+    left = [np.linalg.eigvalsh(elastic_strain(body, x, one)).max() for one in own]
+    assert max(left) > 1e-3
+
+
+def test_cortex_does_not_yield() -> None:
+    mesh = ball_mesh(2)
+    body = body_of(mesh, UNIT)._replace(depth=np.full(len(mesh.cells), -1e9))
+    body = body._replace(gradients=body.gradients.copy())
+    before = body.gradients.copy()
+    step(body, mesh.points @ SHEARED.T, 0.2)
+    assert body.gradients == pytest.approx(before, abs=1e-12)
+
+
+def test_a_rotation_changes_nothing() -> None:
+    mesh = cube_mesh(2, jitter=0.2)
+    turn = expm(np.array([[0.0, 1.0, -0.5], [-1.0, 0.0, 0.3], [0.5, -0.3, 0.0]]))
+    ends = []
+    for x in (mesh.points @ SHEARED.T, mesh.points @ SHEARED.T @ turn.T):
+        body = core(mesh)
+        step(body, x, 0.5)
+        ends.append(body.gradients)
+    assert ends[0] == pytest.approx(ends[1], abs=1e-12)
+
+
+def test_no_reference_becomes_flat() -> None:
+    mesh = cube_mesh(2, jitter=0.2)
+    body, x = core(mesh), mesh.points * [4.0, 4.0, 1 / 16]
+    for _ in range(200):
+        step(body, x, 0.1)
+    edges = np.linalg.inv(body.gradients).transpose(0, 2, 1)
+    reference = np.concatenate([np.zeros((len(edges), 1, 3)), edges], axis=1)
+    worst = q_of(reference.reshape(-1, 3), np.arange(4 * len(edges)).reshape(-1, 4)).max()
+    assert 0.5 < worst < 1
+    assert min(quality(*map(tuple, rows)) for rows in body.gradients) >= FLATTEST
+
+
+def test_the_quality_of_a_reference_is_that_of_the_field() -> None:
+    """Mean ratio: 12 (3 V)^(2/3) over the sum of the squared edges (Liu and Joe, BIT 34, 1994)."""
+    rng = np.random.default_rng(0)
+    corners = rng.normal(size=(20, 4, 3))
+    for points in corners:
+        edges = points[1:] - points[0]
+        a, b, c = np.linalg.inv(edges).T
+        pairs = [points[i] - points[j] for i in range(4) for j in range(i)]
+        expected = 12 * abs(np.linalg.det(edges) / 2) ** (2 / 3) / np.square(pairs).sum()
+        assert quality(tuple(a), tuple(b), tuple(c)) == pytest.approx(expected)
+
+
+def test_a_strain_that_yields_in_one_step_does_not_turn_around() -> None:
+    """However long the step, what was longest stays longest."""
+    mesh = cube_mesh(2, jitter=0.2)
+    body, x = core(mesh), mesh.points * [3.0, 1.0, 1 / 3]
+    step(body, x, 1.0)
+    after = np.diag(elastic_strain(body, x))
+    assert after[0] > after[1] > after[2] and after[0] < np.log(3)
+
+
+def test_rates_follow_ages_and_regions() -> None:
+    laws = Relaxation(np.array([0, 1, 2]), [0.5, {24.0: 1.0, 28.0: 2.0}, "elastic"])
+    assert laws.rates(26.0) == pytest.approx([2.0, 1 / 1.5, 0.0])
+    assert laws.rates(20.0)[1] == 1.0 and laws.rates(40.0)[1] == 0.5
+
+
+def test_a_core_that_yields_lets_the_cortex_press_less(tmp_path: Path) -> None:
+    """Its elastic energy is smaller, what is lost is booked, and in the end all is accounted for."""
+    ball, ends = ball_mesh(2, radius=10.0), {}
+    for name, time in (("elastic", "elastic"), ("slow", 5.0), ("fast", 0.2)):
+        fold(ball, tmp_path / name, YIELDS.with_keys(core_relaxation=time))
+        ends[name] = read_tsv(tmp_path / name / TABLE).apply(pd.to_numeric, errors="coerce").iloc[-1]
+    assert ends["fast"].elastic_energy < ends["slow"].elastic_energy < ends["elastic"].elastic_energy
+    assert ends["fast"].dissipated_energy > ends["slow"].dissipated_energy > ends["elastic"].dissipated_energy
+    assert max(abs(end.energy_error) for end in ends.values()) < 0.01
+
+
+def test_a_region_may_stay_elastic() -> None:
+    ball = ball_mesh(2, radius=10.0)
+    inner = np.linalg.norm(ball.points[ball.cells].mean(axis=1), axis=1) < 4
+    mesh = TetMesh(ball.points, ball.cells, cell_data={REGION: np.where(inner, 4, 1)})
+    run = prepared(mesh, YIELDS.with_keys(region_relaxation={4: "elastic"}))
+    moment = beginning(run)
+    advance_to(run, moment, run.end)
+    changed = (moment.base.gradients != run.body.gradients).any(axis=(1, 2))
+    own = np.linalg.norm(run.mesh.points[run.body.cells].mean(axis=1), axis=1) < 4
+    assert not changed[own].any() and changed[~own].mean() > 0.5
+    for wrong in ({"region_relaxation": {9: 1.0}}, {"core_relaxation": "elastic", "region_relaxation": {9: "elastic"}}):
+        with pytest.raises(InputError, match="fold.region_relaxation names 9"):
+            prepared(mesh, YIELDS.with_keys(**wrong))
+
+
+def test_the_bits_are_the_same_for_any_number_of_threads(tmp_path: Path) -> None:
+    if numba.config.NUMBA_NUM_THREADS < 2:
+        pytest.skip("one processor only")
+    ball, ends = ball_mesh(3, radius=10.0), []
+    for threads in (1, 2):
+        numba.set_num_threads(threads)
+        fold(ball, tmp_path / str(threads), YIELDS)
+        ends.append(sorted((tmp_path / str(threads) / "frames").glob("*.vtu"))[-1].read_bytes())
+    assert ends[0] == ends[1]
+
+
+def test_forces_vanish_where_strain_has_decayed() -> None:
+    mesh = cube_mesh(2, jitter=0.2)
+    isochoric = expm(np.array([[0.2, 0.1, 0.0], [0.1, -0.1, 0.0], [0.0, 0.0, -0.1]]))
+    body, x = core(mesh), mesh.points @ isochoric.T
+    for _ in range(300):
+        step(body, x, 0.1)
+    work = workspace(body)
+    elastic_forces(MATERIAL, x, work, NOTHING, 0.0)
+    assert np.abs(nodal_forces(work)).max() < 1e-12

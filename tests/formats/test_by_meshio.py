@@ -1,0 +1,291 @@
+"""Meshes of other programs: what meshio reads is right, and what it would read wrongly is refused by name."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import gmsh
+import meshio
+import numpy as np
+import pytest
+import pyvista
+from cubes import cube_mesh
+from exported import full_mesh
+from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
+
+import cortet
+from cortet.cli import main
+from cortet.errors import InputError
+from cortet.formats import FORMATS, read_mesh, vtu
+from cortet.geometry.topology import boundary_surface
+from cortet.meshes import TetMesh
+from cortet.solver_files.export import write
+
+CUBE = cube_mesh(2)
+FIELDS = {"depth": np.arange(27.0), "normal": np.arange(81.0).reshape(27, 3)}
+REGION = (np.arange(48) % 2 + 1).astype(np.int32)
+
+
+def written(path: Path, *more: tuple[str, Any], tetrahedra: bool = True, **how: Any) -> Path:
+    """The file of the tetrahedra of a cube and further cells, each with a number."""
+    blocks = [*more, ("tetra", CUBE.cells)] if tetrahedra else [*more]
+    numbers = [np.zeros(len(cells), np.int32) for _, cells in more]
+    name = "gmsh:physical" if path.suffix == ".msh" else "region"
+    mesh = meshio.Mesh(CUBE.points, blocks, FIELDS, {name: [*numbers, REGION][: len(blocks)]})
+    if path.suffix == ".msh":
+        mesh.cell_data["gmsh:geometrical"] = mesh.cell_data[name]
+    meshio.write(path, mesh, **how)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "how"),
+    [
+        ("x.xdmf", {}),
+        ("x.xdmf", {"data_format": "XML"}),
+        ("x.vtu", {}),
+        ("x.vtu", {"binary": False}),
+        ("x.vtk", {}),
+        ("x.vtk", {"file_format": "vtk42"}),
+        ("x.vtk", {"binary": False}),
+        ("x.msh", {"file_format": "gmsh22"}),
+    ],
+)
+def test_a_mesh_of_meshio_is_read_with_its_fields_and_regions(tmp_path: Path, name: str, how: dict[str, Any]) -> None:
+    mesh = read_mesh(written(tmp_path / name, **how))
+    assert np.allclose(mesh.points, CUBE.points) and np.array_equal(mesh.cells, CUBE.cells)
+    assert mesh.point_data.keys() >= FIELDS.keys()
+    assert all(np.allclose(mesh.point_data[name], values) for name, values in FIELDS.items())
+    assert np.array_equal(mesh.cell_data["region"], REGION)
+
+
+@pytest.mark.parametrize("suffix", [".xdmf", ".vtu", ".vtk"])
+def test_triangles_and_lines_are_left_out(tmp_path: Path, suffix: str) -> None:
+    path = written(tmp_path / f"x{suffix}", ("triangle", np.array([[0, 1, 4]])), ("line", np.array([[0, 1]])))
+    mesh = read_mesh(path)
+    assert np.array_equal(mesh.cells, CUBE.cells) and np.array_equal(mesh.cell_data["region"], REGION)
+
+
+@pytest.mark.parametrize("suffix", [".xdmf", ".vtu", ".vtk"])
+def test_other_cells_are_refused(tmp_path: Path, suffix: str) -> None:
+    triangles = written(tmp_path / f"x{suffix}", ("triangle", np.array([[0, 1, 4]])), tetrahedra=False)
+    assert "no tetrahedra" in refused(triangles)
+    hexahedra = written(tmp_path / f"y{suffix}", ("hexahedron", np.arange(8)[None]))
+    assert "hexahedron" in refused(hexahedra)
+
+
+def refused(path: Path) -> str:
+    with pytest.raises(InputError) as caught:
+        read_mesh(path)
+    assert caught.value.remedy and Path(caught.value.file or "").parent == path.parent
+    return str(caught.value)
+
+
+def test_commands_and_calls_take_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = written(tmp_path / "x.xdmf")
+    assert main(["quality", str(path)]) == 0
+    assert "tetrahedra        48" in capsys.readouterr().out
+    assert len(cortet.read(path, boundary_surface(CUBE)[0]).mesh.cells) == 48
+    assert main(["convert", str(path), str(tmp_path / "y.vtu"), "--source-unit", "mm"]) == 0
+    converted = vtu.read(tmp_path / "y.vtu")  # in another order of its nodes
+    assert np.array_equal(np.sort(converted.point_data["depth"]), FIELDS["depth"])
+
+
+@pytest.mark.parametrize("mode", ["ascii", "binary", "appended", "raw"])
+@pytest.mark.parametrize("compressed", [True, False])
+def test_every_form_that_vtk_writes_is_read(mode: str, compressed: bool, tmp_path: Path) -> None:
+    mesh = full_mesh()
+    vtu.write(mesh, tmp_path / "m.vtu")
+    writer = vtkXMLUnstructuredGridWriter()
+    writer.SetFileName(str(tmp_path / "again.vtu"))
+    writer.SetInputData(pyvista.read(tmp_path / "m.vtu"))
+    {"ascii": writer.SetDataModeToAscii, "binary": writer.SetDataModeToBinary}.get(mode, writer.SetDataModeToAppended)()
+    writer.SetEncodeAppendedData(mode == "appended")
+    writer.SetBlockSize(4096)
+    if not compressed:
+        writer.SetCompressorTypeToNone()
+    assert writer.Write()
+    back = read_mesh(tmp_path / "again.vtu")
+    assert np.allclose(back.points, mesh.points, rtol=1e-5) and np.array_equal(back.cells, mesh.cells)
+    assert np.allclose(back.point_data["normal"], mesh.point_data["normal"], rtol=1e-5, atol=1e-6)
+    assert np.array_equal(back.point_data["area"], mesh.point_data["area"])
+    assert np.array_equal(back.sets.cells["cortex"], mesh.sets.cells["cortex"])
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_a_legacy_vtk_file_of_vtk_itself_is_read(tmp_path: Path, binary: bool) -> None:
+    mesh = full_mesh()
+    vtu.write(mesh, tmp_path / "m.vtu")
+    pyvista.read(tmp_path / "m.vtu").save(tmp_path / "m.vtk", binary=binary)
+    back = read_mesh(tmp_path / "m.vtk")
+    assert np.array_equal(back.cells, mesh.cells) and np.allclose(back.points, mesh.points, atol=1e-5)
+    assert np.array_equal(back.sets.cells["cortex"], mesh.sets.cells["cortex"])
+    assert np.allclose(back.point_data["normal"], mesh.point_data["normal"], atol=1e-5)
+
+
+def test_groups_of_gmsh_are_read_in_its_newest_version(tmp_path: Path) -> None:
+    write(full_mesh(), tmp_path / "m.msh", solver="gmsh")
+    gmsh.initialize(argv=[], readConfigFiles=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.open(str(tmp_path / "m.msh"))
+    gmsh.option.setNumber("Mesh.MshFileVersion", 4.1)
+    gmsh.write(str(tmp_path / "n.msh"))
+    gmsh.finalize()
+    mesh, back = full_mesh(), read_mesh(tmp_path / "n.msh")
+    assert {name: len(some) for name, some in back.sets.cells.items()} == {
+        name: len(mesh.sets.cells[name]) for name in ("cortex", "core")
+    }
+    assert {name: len(some) for name, some in back.sets.faces.items()} == {
+        name: len(mesh.sets.faces[name]) for name in ("cortical_surface", "medial_wall")
+    }
+
+
+def test_fields_of_elements_of_gmsh_are_left_out_and_this_is_said(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    mesh = replace(CUBE, point_data=FIELDS, cell_data={"number": np.arange(48.0)})
+    FORMATS["gmsh"].write(mesh, tmp_path / "m.msh")
+    back = read_mesh(tmp_path / "m.msh")
+    assert np.array_equal(back.cells, CUBE.cells) and "number" not in back.cell_data
+    assert np.array_equal(back.point_data["depth"], FIELDS["depth"])
+    assert "m.msh: fields of elements" in caplog.text
+
+
+def test_a_file_without_its_data_and_a_series_of_times_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = written(tmp_path / "x.xdmf")
+    (tmp_path / "x.h5").unlink()
+    assert "x.h5" in refused(path)
+    monkeypatch.chdir(tmp_path)  # meshio puts the data there
+    with meshio.xdmf.TimeSeriesWriter("y.xdmf") as series:
+        series.write_points_cells(CUBE.points, [("tetra", CUBE.cells)])
+        series.write_data(0.0, point_data={"depth": FIELDS["depth"]})
+    assert "meshio" in refused(tmp_path / "y.xdmf")
+
+
+@pytest.mark.parametrize("suffix", [".vtu", ".vtk", ".msh", ".inp", ".bdf", ".xdmf", ".pts"])
+def test_a_file_that_is_missing_or_of_another_kind_is_refused(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"m{suffix}"
+    assert "No such file" in refused(path)
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" * 9)
+    refused(path)
+    path.unlink()
+    path.mkdir()
+    assert "is not a file" in refused(path)
+
+
+@pytest.mark.parametrize("name", ["vtu", "gmsh", "nastran", "fenics", "carp"])
+def test_a_file_that_is_cut_off_is_refused(name: str, tmp_path: Path) -> None:
+    path = tmp_path / f"m{FORMATS[name].suffix}"
+    FORMATS[name].write(full_mesh(), path)
+    content = path.read_bytes()
+    for share in (0, 0.1, 0.5, 0.9):
+        path.write_bytes(content[: int(share * len(content))])
+        refused(path)
+
+
+@pytest.mark.parametrize("suffix", [".vtu", ".inp", ".bdf", ".xdmf", ".pts"])
+def test_nodes_that_are_not_finite_or_not_there_are_refused(tmp_path: Path, suffix: str) -> None:
+    form = next(form for form in FORMATS.values() if form.suffix == suffix)
+    points = CUBE.points.copy()
+    points[0, 1] = np.nan
+    form.write(replace(CUBE, points=points), tmp_path / f"m{suffix}")
+    refused(tmp_path / f"m{suffix}")
+    if suffix in (".inp", ".pts"):
+        form.write(CUBE, tmp_path / f"n{suffix}")
+        file = tmp_path / ("n.elem" if suffix == ".pts" else "n.inp")
+        last = max(map(int, re.findall(r"\d+", file.read_text())))
+        file.write_text(re.sub(r"(\n(?:Tt \d+|\d+, \d+)[ ,]+\d+)", rf"\g<1>{last}", file.read_text(), count=40))
+        refused(tmp_path / f"n{suffix}")
+
+
+# --- Abaqus: meshio skips keywords that it does not know
+
+
+def rewritten(path: Path, lines: str) -> TetMesh:
+    """What is read of a cube when lines stand before its sets."""
+    FORMATS["abaqus"].write(CUBE, path)
+    text = path.read_text()
+    assert text.count("*NSET") == 1
+    path.write_text(text.replace("*NSET", f"{lines}\n*NSET"))
+    return read_mesh(path)
+
+
+def test_sets_of_abaqus_are_read(tmp_path: Path) -> None:
+    lines = "*ELSET, ELSET=left\n1, 2, 7\n*ELSET, ELSET=right, GENERATE\n9, 12, 1\n*NSET, NSET=some, GENERATE\n1, 9, 4"
+    sets = rewritten(tmp_path / "m.inp", lines).sets
+    assert {name: some.tolist() for name, some in sets.cells.items()} == {"left": [0, 1, 6], "right": [8, 9, 10, 11]}
+    assert sets.nodes["some"].tolist() == [0, 4, 8]
+    text = (tmp_path / "m.inp").read_text().replace("\n31, ", "\n*ELEMENT, TYPE=C3D4, ELSET=cortex\n31, ", 1)
+    (tmp_path / "m.inp").write_text(text.replace("ELSET=all_elements", "ELSET=core"))
+    cells = read_mesh(tmp_path / "m.inp").sets.cells  # a block of elements is a set
+    assert np.array_equal(np.sort(np.concatenate([cells["core"], cells["cortex"]])), range(48))
+
+
+@pytest.mark.parametrize("lines", ["*NODE PRINT, NSET=all_nodes\nU\n*NODE FILE\nU", "** a comment"])
+def test_steps_and_comments_of_abaqus_do_not_matter(tmp_path: Path, lines: str) -> None:
+    rewritten(tmp_path / "m.inp", lines)
+    text = (tmp_path / "m.inp").read_text()
+    assert text.count("\n9, ") > 1
+    (tmp_path / "m.inp").write_text(text.replace("\n9, ", "\n** within a block\n9, "))
+    mesh = read_mesh(tmp_path / "m.inp")
+    assert np.array_equal(mesh.cells, CUBE.cells) and np.allclose(mesh.points, CUBE.points)
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        "*INCLUDE, INPUT=other.inp",
+        "*NFILL\nx0, x1, 3",
+        "*NODE, SYSTEM=C\n900, 1, 2, 3",
+        "*SYSTEM\n0, 0, 0, 1, 1, 1",
+        "*NODE\n900, 1, 2, 3",
+        "*NSET, NSET=a\ncortical_surface",
+        "*ELSET, ELSET=a\nall_elements",
+        "*ELEMENT, TYPE=C3D4, ELSET=all_elements\n900, 1, 2, 3, 4",
+        "*PART, NAME=a\n*END PART\n*PART, NAME=b\n*END PART",
+        "*INSTANCE, NAME=a\n*END INSTANCE\n*INSTANCE, NAME=b\n*END INSTANCE",
+        "*INSTANCE, NAME=a, PART=b\n5., 0., 0.\n*END INSTANCE",
+        "*ELEMENT, TYPE=S3\n900, 1, 2, 3, 4",
+        "*ELEMENT, TYPE=C3D10\n900, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10",
+    ],
+)
+def test_what_meshio_would_miss_or_take_for_something_else_is_refused(tmp_path: Path, lines: str) -> None:
+    with pytest.raises(InputError) as caught:
+        rewritten(tmp_path / "m.inp", lines)
+    assert caught.value.file == tmp_path / "m.inp" and caught.value.remedy
+
+
+# --- other formats of which meshio reads a part
+
+
+@pytest.mark.parametrize("suffix", [".vtu", ".vtk"])
+def test_cells_of_vtk_that_meshio_leaves_out_are_refused(tmp_path: Path, suffix: str) -> None:
+    kinds = np.repeat([pyvista.CellType.TETRA, pyvista.CellType.VOXEL], [len(CUBE.cells), 1])
+    cells = np.concatenate([np.column_stack([np.full(48, 4), CUBE.cells]).ravel(), [8, *range(8)]])
+    pyvista.UnstructuredGrid(cells, kinds, CUBE.points).save(tmp_path / f"x{suffix}")
+    assert "type 11" in refused(tmp_path / f"x{suffix}")
+
+
+@pytest.mark.parametrize("card", ["INCLUDE 'other.bdf'", "CORD2R,1,0,5.,0.,0.,5.,0.,1.\n+,6.,0.,0."])
+def test_nodes_of_nastran_that_are_elsewhere_are_refused(tmp_path: Path, card: str) -> None:
+    FORMATS["nastran"].write(CUBE, tmp_path / "m.bdf")
+    text = (tmp_path / "m.bdf").read_text()
+    (tmp_path / "m.bdf").write_text(text.replace("BEGIN BULK\n", f"BEGIN BULK\n{card}\n"))
+    assert card[:7] in refused(tmp_path / "m.bdf")
+
+
+def test_fields_of_nodes_of_gmsh_in_another_order_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "m.msh"
+    meshio.write(path, meshio.Mesh(CUBE.points, [("tetra", CUBE.cells)]), file_format="gmsh22", binary=False)
+    text = path.read_text()
+    rows = [f"{node + 1} {node}.5" for node in range(27)]
+    head = '$NodeData\n1\n"depth"\n1\n0.0\n3\n0\n1\n27\n'
+    path.write_text("\n".join([text + head + rows[0], *rows[1:], "$EndNodeData\n"]))
+    assert np.array_equal(read_mesh(path).point_data["depth"], np.arange(27) + 0.5)
+    path.write_text("\n".join([text + head + rows[-1], *rows[-2::-1], "$EndNodeData\n"]))
+    assert "another order" in refused(path)

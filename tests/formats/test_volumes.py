@@ -1,0 +1,637 @@
+"""Volumes on tetrahedra, surfaces out of labels, and what is said of volumes that cannot be used."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import nibabel
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+import cortet
+from cortet.cli import main
+from cortet.cohort.scan import scan
+from cortet.cohort.sheet import read_sheet, write_sheet
+from cortet.errors import InputError
+from cortet.formats import read_mesh, vtu
+from cortet.formats.gifti import read_surface, write_surface
+from cortet.formats.placement import matrix
+from cortet.formats.tsv import read_tsv
+from cortet.formats.volumes import Volume, label_names, matrices, read_labels, read_named, read_volume, six
+from cortet.formats.volumes import volume_of as volume_from
+from cortet.geometry.closest_point import tree_of
+from cortet.geometry.icosphere import icosphere
+from cortet.geometry.label_surface import Handles, label_surfaces
+from cortet.geometry.thickness import thickness
+from cortet.geometry.topology import enclosed_volume, surface_topology, vertex_normals
+from cortet.geometry.voxels import in_voxels, labels_inside, means_inside
+from cortet.geometry.winding import winding_numbers
+from cortet.measure.quality import signed_volumes
+from cortet.meshes import CoordinateFrame, TetMesh, TriSurface
+from cortet.phantoms.head import LABELS, direction, head
+from cortet.report.slices import cut
+from cortet.solver_files.label_surfaces import inner_surfaces, surfaces_of_labels
+from cortet.solver_files.volumes import backgrounds, require_in_place, with_volumes
+
+RADIUS, SIZE = 10.0, 32
+SCANNER = "NIFTI_XFORM_SCANNER_ANAT"
+#: voxels of 1 mm around a ball of 10 mm about 0
+AFFINE = np.array([[-1, 0, 0, 15.5], [0, 1, 0, -15.5], [0, 0, 1, -15.5], [0, 0, 0, 1.0]])
+TET = TetMesh([[0, 0, 0], [4, 0, 0], [0, 4, 0], [0, 0, 4]], [[0, 1, 2, 3]])
+
+
+def oblique(scale: tuple[float, float, float] = (0.7, 0.9, 1.3)) -> NDArray[np.float64]:
+    affine = np.eye(4)
+    affine[:3, :3] = Rotation.from_euler("xyz", [20, -35, 50], degrees=True).as_matrix() * scale
+    return affine
+
+
+@pytest.fixture(scope="module")
+def ball() -> TriSurface:
+    sphere = icosphere(4)
+    return TriSurface(RADIUS * sphere.points, sphere.faces)
+
+
+@pytest.fixture(scope="module")
+def labels() -> NDArray[np.int16]:
+    """1 in the ball, 2 in the half of it in front."""
+    centres = np.indices((SIZE, SIZE, SIZE)).reshape(3, -1).T @ AFFINE[:3, :3].T + AFFINE[:3, 3]
+    inside = np.linalg.norm(centres, axis=1) < RADIUS
+    return (inside * np.where(centres[:, 1] > 0, 2, 1)).reshape(SIZE, SIZE, SIZE).astype(np.int16)
+
+
+def written(path: Path, values: NDArray[np.generic], affine: NDArray[np.float64] = AFFINE, unit: str = "mm") -> Path:
+    image = nibabel.Nifti1Image(values, affine)
+    image.header.set_xyzt_units(unit)
+    nibabel.save(image, path)
+    return path
+
+
+# --- reading ------------------------------------------------------------------------------------------------------
+
+
+def test_the_kind_is_told_from_the_file(tmp_path: Path, labels: NDArray[np.int16]) -> None:
+    assert read_volume(written(tmp_path / "a.nii.gz", labels)).kind == "labels"
+    assert read_volume(written(tmp_path / "x_dseg.nii.gz", labels.astype(np.float32))).kind == "labels"
+    fraction = read_volume(written(tmp_path / "fa.nii", (labels / 3).astype(np.float32)))
+    assert fraction.kind == "numbers"
+    assert fraction.values.max() == pytest.approx(2 / 3)
+    whole = written(tmp_path / "whole.nii", labels.astype(np.float32))
+    assert read_named(f"{whole}:labels").kind == "labels"
+    assert read_named(f"{whole}:numbers").kind == "numbers"
+    with pytest.raises(InputError, match="tissue"):
+        read_named(f"{whole}:tissue")
+
+
+def test_freesurfers_volumes_are_read(tmp_path: Path, labels: NDArray[np.int16]) -> None:
+    """But not with geometry that the file calls invalid: NiBabel would put it around 0, with voxels of 1 mm."""
+    image = nibabel.MGHImage(labels.astype(np.int32), AFFINE)
+    nibabel.save(image, file := tmp_path / "aseg.mgz")
+    volume = read_volume(file)
+    assert volume.kind == "labels"
+    np.testing.assert_array_equal(volume.values, labels)
+    np.testing.assert_allclose(volume.affine, AFFINE, atol=1e-5)
+    file.write_bytes(gzip.compress(image.to_bytes()[:28] + bytes(2) + image.to_bytes()[30:]))
+    for read in (read_volume, lambda path: volume_from(nibabel.load(path)), lambda path: matrix("mm", path)):
+        with pytest.raises(InputError, match=r"aseg.mgz: .*invalid"):
+            read(file)
+
+
+def test_labels_that_a_file_rounds_are_labels(
+    tmp_path: Path, labels: NDArray[np.int16], caplog: pytest.LogCaptureFixture
+) -> None:
+    for slope, whole in ((0.1, 1), (701.49995, 7015)):
+        image = nibabel.Nifti1Image(10 * (labels > 0).astype(np.uint8), AFFINE)
+        file = tmp_path / "x_dseg.nii"
+        nibabel.save(image, file)
+        _damaged(file, lambda raw, slope=slope: raw[:112] + np.float32(slope).tobytes() + bytes(4) + raw[120:])
+        caplog.clear()
+        assert set(np.unique(read_volume(file).values)) == {0, whole}
+        assert "rounded" in caplog.text
+    assert read_volume(written(tmp_path / "md.nii", 0.0008 * labels)).kind == "numbers"
+
+
+def test_labels_have_names(tmp_path: Path, labels: NDArray[np.int16]) -> None:
+    file = written(tmp_path / "sub-1_desc-drawem9_dseg.nii.gz", labels)
+    own = tmp_path / "sub-1_desc-drawem9_dseg.tsv"
+    assert label_names(file) == {}
+    (tmp_path / "dseg.tsv").write_text("index\tname\n1\tback\n2\tfront\n")
+    assert read_volume(file).names == {1: "back", 2: "front"}
+    own.write_text("index\tname\tcolor\n1\tCSF\t#fff\n")
+    assert read_volume(file).names == {1: "CSF"}
+    assert read_labels(f"{file}:CSF,2")[1] == [1, 2]
+    with pytest.raises(InputError, match="GM"):
+        read_labels(f"{file}:GM")
+    own.write_text("index\tname\n1\tCSF\n2\tCSF\n")
+    with pytest.raises(InputError, match="dseg.tsv.*CSF"):
+        read_labels(f"{file}:CSF")
+    for text in ("index\tname\nx\tCSF\n", "index\tname\n1\ta\n1\tb\n", "key\tname\n1\ta\n"):
+        own.write_text(text)
+        with pytest.raises(InputError, match="drawem9_dseg.tsv"):
+            read_volume(file)
+
+
+METRES = np.diag([0.001, 0.001, 0.001, 1.0]) @ AFFINE
+
+
+def _cut(labels: NDArray[np.int16], path: Path, change: Callable[[bytes], bytes]) -> Path:
+    return _damaged(written(path, labels), change)
+
+
+#: volumes that are refused, and a word of why
+BAD: dict[str, tuple[Callable[[Path, NDArray[np.int16]], Path], str]] = {
+    "empty": (lambda path, labels: written(path, 0 * labels), "empty"),
+    "no numbers": (lambda path, labels: written(path, np.full(labels.shape, np.nan, np.float32)), "empty"),
+    "metres by the header": (lambda path, labels: written(path, labels, METRES, "meter"), "metres"),
+    "metres": (lambda path, labels: written(path, labels, METRES), "metres"),
+    "4-D": (lambda path, labels: written(path, np.stack([labels] * 4, axis=-1)), "tensor"),
+    "2-D": (lambda path, labels: written(path, labels[0]), "not a volume"),
+    "whole numbers as float": (lambda path, labels: written(path, labels.astype(np.float32)), "labels or"),
+    "the same beside NaN": (
+        lambda path, labels: written(path, np.where(labels == 0, np.nan, labels).astype(np.float32)),
+        "labels or",
+    ),
+    "fractions": (
+        lambda path, labels: written(path.with_name("x_dseg.nii"), (labels / 3).astype(np.float32)),
+        "0.3333333",
+    ),
+    "nearly whole": (
+        lambda path, labels: written(path.with_name("x_dseg.nii"), labels + 7014.9 * (labels > 0)),
+        "7015.9",
+    ),
+    "an image": (
+        lambda path, labels: written(path, np.arange(labels.size, dtype=np.int32).reshape(labels.shape)),
+        "2,000",
+    ),
+    "tensors in the order of MRtrix": (
+        lambda path, _: written(path, np.broadcast_to(np.float32([1, 1, 1, 0.1, 0, 0]), (4, 4, 4, 6))),
+        "FILE:mrtrix",
+    ),
+    "flat": (lambda path, labels: _cut(labels, path, lambda raw: raw[:280] + bytes(48) + raw[328:]), "flattens"),
+    "cut off": (lambda path, labels: _cut(labels, path, lambda raw: raw[: len(raw) // 2]), "cannot be read"),
+    "no type": (lambda path, labels: _cut(labels, path, lambda raw: raw[:70] + b"\x0f\x04" + raw[72:]), "1039"),
+    "no place": (lambda path, labels: _without_place(written(path, labels)), "where its voxels are"),
+    "a text": (lambda path, _: _damaged(path, lambda _: b"index\tname\n"), "cannot be read"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_bad_volume_is_refused(case: str, tmp_path: Path, labels: NDArray[np.int16]) -> None:
+    make, word = BAD[case]
+    file = make(tmp_path / "x.nii", labels)
+    with pytest.raises(InputError, match=word) as caught:
+        read_volume(file)
+    assert str(file) in str(caught.value)
+
+
+def _damaged(path: Path, change: Callable[[bytes], bytes]) -> Path:
+    path.write_bytes(change(path.read_bytes() if path.exists() else b""))
+    return path
+
+
+def _without_place(path: Path) -> Path:
+    image = nibabel.load(path, mmap=False)
+    image.header["sform_code"] = image.header["qform_code"] = 0
+    nibabel.save(nibabel.Nifti1Image(np.asarray(image.dataobj), None, image.header), path)
+    return path
+
+
+def volume_of(values: NDArray[np.generic], affine: NDArray[np.float64] = AFFINE) -> dict[str, Volume]:
+    return {"tissue": Volume(values, affine, "labels", file="x.nii")}
+
+
+def test_labels_beside_the_surface_are_refused(ball: TriSurface, labels: NDArray[np.int16]) -> None:
+    require_in_place(volume_of(labels), ball)
+    moved = AFFINE.copy()
+    moved[:3, 3] += [4, 0, -3]
+    corner = np.zeros_like(labels)
+    corner[:3, :3, :3] = 1
+    for values, affine, word in (
+        (labels, moved, r"63%.*moved by \(-4.00, 0.00, 3.00\) mm"),
+        (labels, AFFINE + _shift(100), "centre"),
+        (labels, AFFINE + _shift(12), "by up to 6.0 mm"),
+        (corner, AFFINE, "none of its labels"),
+    ):
+        with pytest.raises(InputError, match=word):
+            require_in_place(volume_of(values, affine), ball)
+
+
+def test_a_surface_in_lps_is_told(ball: TriSurface, labels: NDArray[np.int16]) -> None:
+    aside, there = half_ball(ball, [3, 6, 0])
+    for volume, surface in (
+        (volume_of(labels, AFFINE + _shift(14)), replace(ball, points=ball.points - [14, 0, 0])),
+        (volume_of(there), replace(aside, points=aside.points * [-1, -1, 1])),
+    ):
+        with pytest.raises(InputError, match="LPS"):
+            require_in_place(volume, surface)
+
+
+def test_labels_that_are_flipped_are_refused_with_all_flips_that_fit(ball: TriSurface) -> None:
+    """A ball towards a corner: all three axes, since no fewer bring it there; a ball on the third axis, any with it."""
+    aside, there = half_ball(ball, [6, 0, 0])
+    require_in_place(volume_of(there), aside)
+    with pytest.raises(InputError, match="0%.*100% if its first axis"):
+        require_in_place(volume_of(there[::-1]), aside)
+    for centre, axes in (([6, 6, 6], "first and second and third axes"), ([0, 0, 6], "third axis.* first and third")):
+        aside, there = half_ball(ball, centre)
+        with pytest.raises(InputError, match=axes):
+            require_in_place(volume_of(np.flip(there)), aside)
+
+
+@pytest.mark.parametrize("kind", ["labels", "numbers", "tensors"])
+def test_the_share_of_a_brain_without_a_number_is_measured(
+    ball: TriSurface, labels: NDArray[np.int16], kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A ball of values around a ball; then both lie aside and the volume is flipped: nothing of the brain has any."""
+    values = np.where(labels > 0, 0.5, 0.0)
+    values[:16][labels[:16] == 0] = np.nan
+
+    def empty(values: NDArray[Any], surface: TriSurface) -> float:
+        held = values[..., None] * [1.0, 0, 0, 1, 0, 1] if kind == "tensors" else values
+        held = np.nan_to_num(2 * values).astype(np.int16) if kind == "labels" else held
+        (background,) = backgrounds({"fa": Volume(held, AFFINE, kind, file="fa.nii")}, surface)
+        assert background.large == (background.fraction > 0.05)
+        return background.fraction
+
+    assert empty(values, replace(ball, points=0.9 * ball.points)) == pytest.approx(0, abs=1e-3) and not caplog.text
+    aside, there = half_ball(ball, [6, 0, 0])
+    assert empty(there[::-1] * 0.5, aside) == pytest.approx(1, abs=1e-3)
+    assert "fa.nii" in caplog.text and "first axis" in caplog.text
+
+
+def _shift(mm: float) -> NDArray[np.float64]:
+    shift = np.zeros((4, 4))
+    shift[0, 3] = mm
+    return shift
+
+
+def half_ball(ball: TriSurface, centre: list[float]) -> tuple[TriSurface, NDArray[np.int16]]:
+    """A ball of half the size around a centre, and its labels."""
+    aside = TriSurface(ball.points * 0.5 + centre, ball.faces)
+    centres = np.indices((SIZE, SIZE, SIZE)).reshape(3, -1).T @ AFFINE[:3, :3].T + AFFINE[:3, 3]
+    return aside, (winding_numbers(aside, centres) > 0.5).reshape(SIZE, SIZE, SIZE).astype(np.int16)
+
+
+def test_a_lesion_inside_and_labels_all_around_are_no_shift(ball: TriSurface, labels: NDArray[np.int16]) -> None:
+    lesion = np.zeros_like(labels)
+    lesion[18:22, 14:18, 14:18] = 1
+    require_in_place(volume_of(lesion), ball)
+    require_in_place(volume_of(np.ones_like(labels)), ball)
+
+
+# --- on tetrahedra ------------------------------------------------------------------------------------------------
+
+
+def test_shares_are_those_of_the_volume_inside() -> None:
+    """A plane at a height z of a corner tetrahedron of size 4 leaves ((4 - z) / 4)^3 above it."""
+    plane = np.zeros((8, 8, 50), np.int32)
+    plane[:, :, 10:] = 7  # voxels of 0.1 mm along z, from 1.0 mm on
+    affine = np.diag([1, 1, 0.1, 1.0])
+    affine[:3, 3] = [0.5, 0.5, 0.05]
+    found = labels_inside(TET.points, TET.cells, plane, affine, shares=True)
+    assert found.keys.tolist() == [0, 7]
+    assert found.shares is not None
+    assert found.shares[0, 1] == pytest.approx(0.75**3, abs=0.02)
+    assert found.label[0] == 0
+    assert found.share[0] == pytest.approx(1 - 0.75**3, abs=0.02)
+
+
+def test_a_tetrahedron_within_a_voxel_has_its_label() -> None:
+    values = np.arange(27, dtype=np.int32).reshape(3, 3, 3)
+    affine = oblique((20.0, 20.0, 20.0))
+    inside = np.array([1, 2, 1]) @ affine[:3, :3].T
+    mesh = replace(TET, points=TET.points + inside)
+    assert labels_inside(mesh.points, mesh.cells, values, affine).label.tolist() == [values[1, 2, 1]]
+    np.testing.assert_allclose(in_voxels(affine, inside[None]), [[1, 2, 1]])
+
+
+def test_0_is_what_lies_outside_where_labels_cover_the_mesh() -> None:
+    """The boundary of voxels is not a surface: a tetrahedron that is mostly beyond it still belongs to the tissue."""
+    points = np.array([[0, 0, 0], [4, 0, 0], [0, 4, 0], [0, 0, 4], [0, 0, -9.0]])
+    mesh = TetMesh(points, [[0, 1, 2, 3], [0, 2, 1, 4]])
+    values = np.zeros((8, 8, 40), np.int32)
+    values[:, :, :30] = 1
+    affine = np.diag([1, 1, 0.5, 1.0])
+    affine[:3, 3] = [-1, -1, -14.75]  # labels reach to z = 0.5
+    found = labels_inside(mesh.points, mesh.cells, np.where(values == 1, 0, 1), affine)
+    assert found.label.tolist() == [1, 0]
+    labels = {"tissue": Volume(values, affine, "labels", file=__file__)}
+    assert with_volumes(mesh, labels)[0].cell_data["tissue"].tolist() == [0, 1]  # a fifth of the mesh has no label
+    affine[2, 3] = -13.25  # to z = 2: 4 %
+    assert with_volumes(mesh, labels)[0].cell_data["tissue"].tolist() == [1, 1]
+    lesion = {"lesion": Volume(np.where(values == 1, 0, 1), affine, "labels", file=__file__)}
+    assert with_volumes(mesh, lesion)[0].cell_data["lesion"].tolist() == [0, 0]
+
+
+def test_numbers_are_means_of_what_has_a_value() -> None:
+    """The mean of a linear function inside a tetrahedron is its value at the centroid."""
+    grid = np.indices((60, 60, 60)) * 0.1 - 0.5
+    values = 2 * grid[0] - grid[1] + 3 * grid[2]
+    affine = np.diag([0.1, 0.1, 0.1, 1.0])
+    affine[:3, 3] = -0.5
+    means, empty = means_inside(TET.points, TET.cells, values, affine)
+    assert means[0] == pytest.approx(2 - 1 + 3, abs=0.02)
+    assert not empty.any()
+    values[:] = np.nan
+    values[30, 30, 30] = 5.0
+    means, empty = means_inside(TET.points + np.array([0, 0, 30]), TET.cells, values, affine)
+    assert means.tolist() == [5.0]
+    assert empty.tolist() == [True]
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_tensors_of_fsl_and_mrtrix_are_the_same(mirrored: bool, tmp_path: Path) -> None:
+    """FSL writes along voxels, x turned round in right-handed ones; MRtrix and we along x, y and z."""
+    affine = oblique((1.0, 1.0, 1.0)) @ np.diag([-1.0 if mirrored else 1.0, 1, 1, 1])
+    first = np.array([1.0, 2.0, -0.5]) / np.linalg.norm([1.0, 2.0, -0.5])
+    world = 1e-3 * (0.3 * np.eye(3) + 1.4 * np.outer(first, first))
+    axes = affine[:3, :3] @ np.diag([1.0 if mirrored else -1.0, 1, 1])
+    along = axes.T @ world @ axes
+    shape = (12, 12, 12)
+    fsl = np.broadcast_to(along[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]], (*shape, 6)).astype(np.float32)
+    mrtrix = np.broadcast_to(world[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]], (*shape, 6)).astype(np.float32)
+    affine[:3, 3] = -affine[:3, :3] @ [6, 6, 6]
+    volumes = {
+        "fsl": read_volume(written(tmp_path / "fsl.nii", fsl, affine)),
+        "mrtrix": read_volume(written(tmp_path / "mrtrix.nii", mrtrix, affine), "mrtrix"),
+    }
+    mesh, rows = with_volumes(TET, volumes)
+    for name in volumes:
+        np.testing.assert_allclose(matrices(mesh.cell_data[name])[0], world, atol=1e-8)
+    np.testing.assert_allclose(mesh.cell_data["fibre"], [first], atol=1e-5)
+    assert [row["kind"] for row in rows] == ["tensors", "tensors"]
+
+
+def test_the_mean_of_tensors_is_log_euclidean(tmp_path: Path) -> None:
+    """Of two that differ in scale by 100, the mean of the logarithms is the geometric mean: no swelling."""
+    values = np.zeros((2, 1, 1, 6), np.float32)
+    values[0, 0, 0, :3], values[1, 0, 0, :3] = 1e-4, 1e-2
+    affine = np.diag([100, 100, 100, 1.0])
+    affine[0, 3] = -50
+    mesh = TetMesh([[-4, 0, 0], [4, 0, 0], [0, 4, 0], [0, 0, 4]], [[0, 1, 2, 3]])
+    volume = Volume(values, affine, "tensors", file=str(written(tmp_path / "t.nii", values, affine)))
+    found, _ = with_volumes(mesh, {"tensor": volume})
+    share = labels_inside(mesh.points, mesh.cells, np.int32([[[0]], [[1]]]), affine, shares=True).shares
+    assert share is not None and 0.3 < share[0, 1] < 0.5
+    geometric = 1e-4 * 100 ** share[0, 1]  # the mean of the tensors themselves would be five times as much
+    np.testing.assert_allclose(found.cell_data["tensor"][0], [geometric] * 3 + [0] * 3, rtol=1e-4, atol=1e-9)
+
+
+def test_six_numbers_and_matrices() -> None:
+    numbers = np.arange(6.0)[None]
+    np.testing.assert_array_equal(six(matrices(numbers)), numbers)
+    np.testing.assert_array_equal(matrices(numbers)[0], [[0, 3, 5], [3, 1, 4], [5, 4, 2]])
+
+
+def test_the_frame_of_a_surface_leads_to_the_volume() -> None:
+    """FreeSurfer's surfaces are shifted against the scanner by a translation that they state."""
+    values = np.zeros((40, 4, 4), np.int32)
+    values[30:] = 9
+    frame = CoordinateFrame(xformspace=SCANNER, matrix=(1, 0, 0, 32, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1))
+    volume = {"tissue": Volume(values, np.eye(4), "labels", file=__file__)}
+    assert with_volumes(TET, volume)[0].cell_data["tissue"].tolist() == [0]
+    assert with_volumes(TET, volume, frame=frame)[0].cell_data["tissue"].tolist() == [9]
+
+
+# --- surfaces out of labels ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (0.7, 0.9, 1.3)])
+def test_a_surface_of_a_label_is_smooth_and_near_it(scale: tuple[float, float, float]) -> None:
+    affine = oblique(scale)
+    where = np.indices((36, 36, 36)).reshape(3, -1).T @ affine[:3, :3].T
+    centre = affine[:3, :3] @ [18, 18, 18]
+    mask = (np.linalg.norm(where - centre, axis=1) < RADIUS).reshape(36, 36, 36)
+    (made,), specks = label_surfaces(mask, affine)
+    assert not specks
+    assert surface_topology(made.surface.faces).euler_number == 2
+    assert made.furthest < 0.5
+    radius = np.linalg.norm(made.surface.points - centre, axis=1)
+    assert np.abs(radius - RADIUS).max() < 0.5 * max(scale)
+    assert radius.std() < 0.12  # voxels of 1 mm have steps of 0.29
+    volume = enclosed_volume(made.surface.points, made.surface.faces)
+    assert volume == pytest.approx(mask.sum() * abs(np.linalg.det(affine[:3, :3])), rel=2e-3)
+
+
+def test_topology_of_labels_stays_as_it_is() -> None:
+    """A ring keeps its handle, a cavity is filled, components are apart, specks are left out."""
+    x, y, z = np.indices((40, 40, 20)) - np.array([20, 20, 10]).reshape(3, 1, 1, 1)
+    ring = (np.hypot(np.hypot(x, y) - 12, z) < 4.5).astype(bool)
+    ball = (x**2 + y**2 + z**2 < 25) & (x**2 + y**2 + z**2 > 4)
+    mask = ring | ball
+    mask[0, 0, 0] = True
+    made, specks = label_surfaces(mask, np.eye(4))
+    assert [surface_topology(one.surface.faces).euler_number for one in made] == [0, 2]
+    assert [one.filled > 0 for one in made] == [False, True]
+    assert specks == [1]
+
+
+@pytest.mark.parametrize("ring", [4.5, 1.6])
+def test_handles_of_labels_are_cut_on_the_voxels(ring: float) -> None:
+    """A ball with a handle, thick or thin, and with a narrow tunnel: each is mended where that changes fewer voxels."""
+    x, y, z = np.indices((44, 44, 36)) - np.array([20, 20, 18]).reshape(3, 1, 1, 1)
+    mask = (np.hypot(np.hypot(x - 8, z) - 9, y) < ring) | (x**2 + y**2 + z**2 < 100)
+    mask &= np.hypot(x + 3, y) > 1.1
+    (as_it_is,), _ = label_surfaces(mask, np.eye(4))
+    assert (as_it_is.handles, as_it_is.left, as_it_is.changed) == (2, 2, 0)
+    (made,), _ = label_surfaces(mask, np.eye(4), handles=Handles(0))
+    assert surface_topology(made.surface.faces).problems(genus=0) == []
+    assert (made.handles, made.left) == (2, 0)
+    assert 0 < made.changed < 5 * 20 + 4 * np.pi * ring**2  # a plug in the tunnel, a slice of the ring
+    for kept in (Handles(2), Handles(0, changed=1e-4)):
+        (same,), _ = label_surfaces(mask, np.eye(4), handles=kept)
+        assert np.array_equal(same.surface.points, as_it_is.surface.points)
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.6])
+def test_sheets_and_gaps_of_one_voxel_keep_their_width(slope: float) -> None:
+    """A sheet in the open, and a gap of the same shape in a ball: neither is smoothed away from both sides."""
+    x, y, z = np.indices((40, 40, 40)) - 20.0
+    plane = np.abs(z - slope * x) < (0.9 if slope else 0.5)
+    ball = x**2 + y**2 + z**2 < 15**2
+    held = x < -2
+    for mask, inside in ((ball & (plane | held), True), (ball & (~plane | held), False)):
+        (made,), _ = label_surfaces(mask, np.eye(4))
+        surface = made.surface
+        where = surface.points - 20
+        normals = vertex_normals(surface.points, surface.faces)
+        on = (np.hypot(where[:, 0] - 6, where[:, 1]) < 5) & (np.abs(where[:, 2] - slope * where[:, 0]) < 3)
+        width = thickness(tree_of(surface), surface.points[on], normals[on], 8.0, inside=inside)
+        assert width.min() > 0.7
+        assert made.furthest < 0.5
+
+
+def test_a_label_that_the_image_cuts_off_is_told_with_side_and_area(caplog: pytest.LogCaptureFixture) -> None:
+    """The first axis goes left, the third up."""
+    values = np.zeros((20, 20, 20), np.int16)
+    values[10:, 4:12, 4:14] = 5
+    values[12:16, 6:10, :6] = 5
+    affine = np.diag([-2.0, 1, 1, 1])
+    surfaces_of_labels("x", Volume(values, affine, "labels", file="dseg.nii"), [5])
+    assert re.search("left side.* 80 mm2", caplog.text) and re.search("inferior side.* 32 mm2", caplog.text)
+    caplog.clear()
+    surfaces_of_labels("x", Volume(np.pad(values, 1), affine, "labels", file="dseg.nii"), [5])
+    assert not caplog.text
+
+
+def test_inner_surfaces_of_labels_are_named(tmp_path: Path, ball: TriSurface, labels: NDArray[np.int16]) -> None:
+    deep = np.where(labels > 0, 1, 0).astype(np.int16)
+    deep[10:14, 13:18, 13:18], deep[18:23, 13:18, 13:18] = 5, 6
+    file = written(tmp_path / "dseg.nii.gz", deep)
+    found = inner_surfaces({"ventricle": f"{file}:5,6"}, ball)
+    assert list(found.surfaces) == ["ventricle1", "ventricle2"]
+    assert set(found.files.values()) == {str(file)}
+    assert found.surfaces["ventricle1"].points[:, 0].mean() < 0  # label 6; x falls as voxels rise
+    straight = inner_surfaces({"left": f"{file}:5"}, ball).surfaces
+    assert list(straight) == ["left"]
+    frame = CoordinateFrame(xformspace=SCANNER, matrix=(1, 0, 0, 3, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1))
+    moved = inner_surfaces({"left": f"{file}:5"}, replace(ball, points=ball.points - [3, 0, 0], frame=frame)).surfaces
+    np.testing.assert_allclose(moved["left"].points + np.array([3, 0, 0]), straight["left"].points, atol=1e-5)
+    deep[10:14] = 0
+    deep[12, 15, 15] = 5
+    small = written(tmp_path / "small.nii.gz", deep)
+    for given, word in ((f"{file}:0", "label 0"), (f"{small}:5", "1 voxels"), (str(file), "is a volume")):
+        with pytest.raises(InputError, match=word):
+            inner_surfaces({"left": given}, ball)
+    with pytest.raises(InputError, match="pial.surf.gii:1"):
+        read_labels("pial.surf.gii:1")
+
+
+def test_pieces_of_an_earlier_run_are_told_and_left(
+    tmp_path: Path, labels: NDArray[np.int16], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    halves = np.where(labels > 0, 1, 0).astype(np.int16)
+    halves[15:17] = 0
+    written(tmp_path / "two.nii.gz", halves)
+    written(tmp_path / "one.nii.gz", labels)
+    for volume, others in (("two.nii.gz:1", ""), ("one.nii.gz:1,2", "v1.surf.gii, v2.surf.gii: ")):
+        assert main(["labels", volume, "-o", "v.surf.gii"]) == 0
+        assert capsys.readouterr().out.splitlines()[-1].startswith(others or "v1.surf.gii, v2.surf.gii: written")
+    assert {path.name for path in tmp_path.glob("*.gii")} == {"v.surf.gii", "v1.surf.gii", "v2.surf.gii"}
+
+
+# --- a whole head -------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("volumes") / "head"
+    assert main(["head", "--ga", "24", "--subdivisions", "4", "-o", str(folder)]) == 0
+    return folder
+
+
+def test_the_volumes_of_a_head_are_those_it_states(folder: Path) -> None:
+    volume = read_volume(folder / "dseg.nii.gz")
+    table = read_tsv(folder / "sizes.tsv")
+    voxel = abs(np.linalg.det(volume.affine[:3, :3])) / 1000
+    for name, known in zip(table["name"], table["volume_ml"].astype(float), strict=True):
+        assert (volume.values == LABELS[name]).sum() * voxel == pytest.approx(known, rel=0.01)
+    again = head(24, subdivisions=4)
+    np.testing.assert_array_equal(again.labels, volume.values)
+
+
+def test_a_head_becomes_one_mesh(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "head.vtu"
+    given = ["mesh", str(folder / "pial.surf.gii"), "--inner", str(folder / "white.surf.gii"), "--cell-size", "1.2"]
+    given += [
+        "--inner",
+        f"ventricle={folder / 'dseg.nii.gz'}:3,4",
+        "--inner",
+        f"thalamus={folder / 'thalamus.surf.gii'}",
+    ]
+    given += ["--volume", f"tissue={folder / 'dseg.nii.gz'}", "--volume", f"tensor={folder / 'tensors.nii.gz'}"]
+    assert main([*given, "-o", str(out), "--slices", str(tmp_path / "slices.png")]) == 0
+    assert matplotlib.image.imread(tmp_path / "slices.png").std() > 0.05
+    said = capsys.readouterr().out
+    assert "ventricle2: " in said and "certified" in said
+    mesh = vtu.read(out)
+    parts = ("cortex", "white", "ventricle1", "ventricle2", "thalamus")
+    files = ("pial", *parts[1:])
+    node = np.zeros(len(mesh.points), int)
+    for name, file in zip(parts, files, strict=True):
+        node[winding_numbers(read_surface(folder / f"{file}.surf.gii"), mesh.points) > 0.5] = LABELS[name]
+    one = (node[mesh.cells] == node[mesh.cells][:, :1]).all(axis=1) & (node[mesh.cells[:, 0]] > 0)
+    assert (mesh.cell_data["tissue"][one] == node[mesh.cells[one, 0]]).mean() > 0.99
+    known = dict(read_tsv(folder / "sizes.tsv").itertuples(index=False))
+    volume = signed_volumes(mesh.points, mesh.cells) / 1000
+    for name in parts[:2]:  # the others are small for cells of 1.2 mm: docs/volumes.md has them with 0.6 mm
+        assert volume[mesh.sets.cells[f"tissue_{name}"]].sum() == pytest.approx(float(known[name]), rel=0.01)
+    centre = mesh.points[mesh.cells].mean(axis=1)
+    turned = np.abs((mesh.cell_data["fibre"] * direction(centre)).sum(axis=1))
+    assert np.percentile(turned, 1) > np.cos(np.radians(1))
+    assert main(["convert", str(out), str(tmp_path / "head.pts")]) == 0
+    lon = np.loadtxt(tmp_path / "head.lon", skiprows=1)
+    np.testing.assert_allclose(lon, mesh.cell_data["fibre"], atol=1e-8)
+    record = json.loads(out.with_suffix(".vtu.json").read_text())
+    assert record["made_from"]["volumes"].keys() == {"tissue", "tensor"}
+    assert record["made_from"]["given"].keys() == {"cortex", *parts[1:]}
+    table = read_tsv(tmp_path / "head.volumes.tsv")
+    assert table["name"].tolist()[-6:-1] == list(parts)
+    assert main(["certify", str(out), "--cell-size", "1.2"]) == 0
+
+
+def test_a_cut_has_the_area_of_the_plane_inside(ball: TriSurface) -> None:
+    """A plane through the middle of a ball cuts out a disc; triangles and quadrangles do not overlap."""
+    mesh = cortet.mesh(ball, 2.0, progress=False).mesh
+    for axis in range(3):
+        area, right, up = 0.0, (axis + 1) % 3, (axis + 2) % 3
+        for cell, ring in cut(mesh.points, mesh.cells, axis, 0.3):
+            assert len(cell) == len(ring)
+            np.testing.assert_allclose(ring[:, :, axis], 0.3, atol=1e-9)
+            x, y = ring[:, :, right], ring[:, :, up]
+            area += np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)).sum() / 2
+        assert area == pytest.approx(np.pi * (RADIUS**2 - 0.09), rel=0.03)
+
+
+def test_a_sheet_names_volumes_and_a_scan_finds_them(tmp_path: Path, labels: NDArray[np.int16]) -> None:
+    anat = tmp_path / "dhcp" / "sub-CC1" / "ses-1" / "anat"
+    anat.mkdir(parents=True)
+    (anat / "sub-CC1_ses-1_hemi-left_wm.surf.gii").touch()
+    written(anat / "sub-CC1_ses-1_desc-drawem9_dseg.nii.gz", labels)
+    (case,) = scan(tmp_path / "dhcp")
+    assert case.volumes == {"tissue": str(anat / "sub-CC1_ses-1_desc-drawem9_dseg.nii.gz")}
+    (tmp_path / "a").mkdir()
+    write_sheet([replace(case, volumes={**case.volumes, "fa": f"{tmp_path}/fa.nii:numbers"})], tmp_path / "a" / "x.tsv")
+    (again,) = read_sheet(tmp_path / "a" / "x.tsv")
+    assert again.volumes == {**case.volumes, "fa": f"{tmp_path}/fa.nii:numbers"}
+    table = read_tsv(tmp_path / "a" / "x.tsv").rename(columns={"volume_fa": "volume_f-a"})
+    table.to_csv(tmp_path / "a" / "y.tsv", sep="\t", index=False)
+    with pytest.raises(InputError, match="volume_f-a"):
+        read_sheet(tmp_path / "a" / "y.tsv")
+
+
+def test_volumes_from_python(ball: TriSurface, labels: NDArray[np.int16], tmp_path: Path) -> None:
+    file = written(tmp_path / "x_dseg.nii.gz", labels)
+    made = cortet.mesh(ball, 2.0, volumes={"tissue": file}, settings={"export": {"label_shares": True}}, progress=False)
+    table = made.tissues().set_index("label")
+    half = 4 / 3 * np.pi * RADIUS**3 / 2000
+    assert table.loc[2, "volume_ml"] == pytest.approx(half, rel=0.03)
+    assert table["tetrahedra"].sum() == len(made.cells)
+    shares = [made.mesh.cell_data[f"tissue_share_{key}"] for key in (0, 1, 2)]
+    np.testing.assert_allclose(sum(shares), 1, atol=1e-5)
+    read = read_mesh(made.save(tmp_path / "x.inp"))
+    assert len(read.sets.cells["tissue_2"]) == table.loc[2, "tetrahedra"]
+    with pytest.raises(InputError, match="region"):
+        cortet.mesh(ball, 2.0, volumes={"region": file}, progress=False)
+
+
+def test_a_bad_volume_is_refused_before_any_work(
+    ball: TriSurface, labels: NDArray[np.int16], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_surface(ball, tmp_path / "x.surf.gii")
+    file = written(tmp_path / "x_dseg.nii.gz", labels, AFFINE + _shift(60))
+    before = sorted(tmp_path.iterdir())
+    given = ["mesh", str(tmp_path / "x.surf.gii"), "--volume", f"tissue={file}", "-o", str(tmp_path / "x.vtu")]
+    assert main(given) == 1
+    assert "repair" not in capsys.readouterr().out
+    assert sorted(tmp_path.iterdir()) == before

@@ -1,0 +1,92 @@
+"""A kernel is compiled once per machine, and never used after an edit of anything that it is made of."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cortet.geometry import kernel_cache
+
+KERNEL = "import numba\n\n\n@numba.njit(cache=True)\ndef doubled(x):\n    return 2 * x\n"
+
+
+def key_of(package: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    monkeypatch.setattr(kernel_cache, "_PACKAGE", package)
+    kernel_cache.source_key.cache_clear()
+    kernel_cache._imports.cache_clear()
+    return kernel_cache.source_key(package / "kernels.py")
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    (tmp_path / "room").mkdir()
+    (tmp_path / "kernels.py").write_text("from cortet.room import called\nfrom numpy import pi\n")
+    (tmp_path / "room/called.py").write_text("import cortet.constants\n")
+    (tmp_path / "constants.py").write_text("SIZE = 3\n")
+    (tmp_path / "other.py").write_text("import cortet.kernels\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("edited", "other"), [("kernels.py", True), ("room/called.py", True), ("constants.py", True), ("other.py", False)]
+)
+def test_an_edit_of_what_a_kernel_is_made_of_is_another_key(edited, other, package, monkeypatch):
+    before = key_of(package, monkeypatch)
+    (package / edited).write_text((package / edited).read_text() + "# edited\n")
+    assert (key_of(package, monkeypatch) != before) == other
+
+
+def test_a_second_clone_compiles_nothing(tmp_path: Path) -> None:
+    """The same source in another folder finds what the first one compiled; edited, it compiles."""
+    source = Path(kernel_cache.__file__).parents[2]
+    code = (
+        "from numba.core import event\n"
+        "from cortet.tiny import doubled\n"
+        "with event.install_recorder('numba:compile') as recorder:\n"
+        "    assert doubled(2) == 4\n"
+        "print(len(recorder.buffer))"
+    )
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    environment.pop("NUMBA_CACHE_DIR", None)
+
+    def compilations(clone: Path, kernel: str = KERNEL) -> int:
+        (clone / "cortet").mkdir(parents=True, exist_ok=True)
+        for path in ("__init__.py", "version.py", "geometry/__init__.py", "geometry/kernel_cache.py"):
+            (clone / "cortet" / path).parent.mkdir(exist_ok=True)
+            (clone / "cortet" / path).write_bytes((source / "cortet" / path).read_bytes())
+        (clone / "cortet/tiny.py").write_text(kernel)
+        done = subprocess.run(
+            [sys.executable, "-c", code], cwd=clone, env=environment, capture_output=True, text=True, check=True
+        )
+        return int(done.stdout)
+
+    assert compilations(tmp_path / "one") > 0
+    assert compilations(tmp_path / "two") == 0
+    assert compilations(tmp_path / "two", f"{KERNEL}# edited\n") > 0
+
+
+@pytest.mark.parametrize("first", ["import cortet, numba", "import numba, cortet"])
+def test_it_does_not_matter_which_is_imported_first(first: str) -> None:
+    code = f"{first}; from cortet.geometry.counting import cells_around; print(cells_around._cache.cache_path)"
+    environment = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA_CACHE")}
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert Path(done.stdout.strip()).parent == kernel_cache.cache_folder()
+
+
+def test_without_a_place_for_caches_a_temporary_one_is_used_and_said(tmp_path: Path) -> None:
+    """As with a home that cannot be written to; jobs of the process inherit the place."""
+    code = "import os; from cortet.geometry.kernel_cache import cache_folder; print(cache_folder(), cache_folder(), "
+    code += "os.environ['XDG_CACHE_HOME'])"
+    environment = {key: value for key, value in os.environ.items() if key != "XDG_CACHE_HOME"}
+    environment |= {"HOME": "/proc/nowhere", "TMPDIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    own = tmp_path / f"cortet-{os.getuid()}"
+    assert done.stdout.split() == [str(own / "cortet/kernels")] * 2 + [str(own)]
+    assert done.stderr.count(f"no place for caches in the home folder: {own} is used") == 1
+    assert own.stat().st_mode & 0o777 == 0o700
+    own.chmod(0o777)  # somebody else may have put compiled code there
+    again = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert str(own) not in again.stdout and str(tmp_path / "cortet-") in again.stdout

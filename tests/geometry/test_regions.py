@@ -1,0 +1,373 @@
+"""Two regions: one surface inside another, from `separate` to the certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import ball_surface
+from wrong_meshes import sound, swapped_regions
+
+from cortet.config import load
+from cortet.config.stages import Generate, Regions, Transfer
+from cortet.errors import InputError
+from cortet.folding.body import body_of, scale_of, with_interface
+from cortet.folding.fold import fold
+from cortet.folding.section import Settings
+from cortet.formats.gifti import read_surface
+from cortet.geometry.closest_point import closest_points, forest, surface_tree
+from cortet.geometry.intersection import self_intersections
+from cortet.geometry.nesting import depths, joined, nested, parents, region_boundary, sheets
+from cortet.geometry.separation import taken_back
+from cortet.geometry.topology import enclosed_volume, interfaces, sheet, surface_topology
+from cortet.measure.certify import certify
+from cortet.measure.fidelity import boundary_roughness
+from cortet.measure.quality import quality, signed_volumes
+from cortet.meshes import REGION, MeshSets, TriSurface, single_precision
+from cortet.optimise.backing_off import back_off
+from cortet.phantoms import inset, phantom
+from cortet.pipeline import Meshed, mesh_surface
+from cortet.report.case_page import Checked, write_case_page
+from cortet.solver_files.sets import named_sets
+from cortet.stages.clean import clean
+from cortet.stages.generate import generate
+from cortet.stages.reconnect import reconnect
+from cortet.stages.separate import separate
+from cortet.stages.smooth_boundary import smooth_boundary
+from cortet.stages.snap import snap
+from cortet.stages.transfer import transfer
+
+PAIRS = Path(__file__).parents[3] / "shared" / "data" / "pairs"
+H = 2.0
+
+
+def ball(radius: float, centre: tuple[float, float, float] = (0, 0, 0), subdivisions: int = 4) -> TriSurface:
+    sphere = ball_surface(subdivisions, radius=radius)
+    return single_precision(replace(sphere, points=sphere.points + centre))  # as from a file
+
+
+def volume(surface: TriSurface) -> float:
+    return enclosed_volume(surface.points, surface.faces)
+
+
+@pytest.fixture(scope="module")
+def pair() -> TriSurface:
+    return nested(ball(14.0), {"white": ball(10.0)})
+
+
+@pytest.fixture(scope="module")
+def meshed(pair: TriSurface) -> Meshed:
+    return mesh_surface(pair, load({"generate": {"cell_size": H}}))
+
+
+def test_order_and_parents_follow_from_what_contains_what():
+    one, other, deep = ball(4.0, (5, 0, 0)), ball(3.0, (-5, 0, 0)), ball(1.5, (5, 0, 0))
+    surface = nested(ball(14.0), {"deep": deep, "other": other, "one": one})
+    assert list(surface.inner) == ["one", "other", "deep"] and parents(surface) == [-1, 0, 0, 1]
+    bounds = [region_boundary(surface, number) for number in range(4)]
+    around = volume(ball(14.0)) - volume(one) - volume(other)
+    expected = [around, volume(one) - volume(deep), volume(other), volume(deep)]
+    assert [volume(bound) for bound in bounds] == pytest.approx(expected)
+
+
+def test_a_search_in_a_forest_stays_on_the_surface_it_began_on(pair):
+    tree = forest(pair)
+    assert len(np.unique(tree.root)) == 2 and np.sort(tree.faces).tolist() == list(range(len(tree.faces)))
+    alone = surface_tree(pair.points, pair.faces)
+    queries = ball(11.0, subdivisions=2).points  # nearer to the inner surface
+    assert (closest_points(tree, queries).points == closest_points(alone, queries).points).all()
+
+
+def test_two_balls_are_certified_with_known_volumes(pair, meshed):
+    certificate = meshed.certificate
+    assert certificate.certified, certificate.reasons
+    outer, inner = (4 / 3 * np.pi * radius**3 / 1000 for radius in (14, 10))
+    cortex, white = certificate.regions
+    assert (cortex.name, white.name) == ("cortex", "white")
+    assert cortex.volume_ml == pytest.approx(outer - inner, rel=0.03)
+    assert white.volume_ml == pytest.approx(inner, rel=0.03)
+    assert cortex.volume_ml + white.volume_ml == pytest.approx(certificate.fidelity.volume_ml)
+    (interface,) = certificate.interfaces
+    assert interface.topology.problems() == [] and interface.misplaced_faces == 0
+    assert interface.nodes_to_surface_mm.max < 1e-9 and interface.surface_to_interface_mm.max < 0.2 * H
+    assert certificate.quality.q.max < 0.35
+    assert cortex.edges_across is not None and cortex.edges_across.least >= 1 and white.edges_across is None
+
+
+def test_regions_are_numbers_of_tetrahedra_and_follow_every_stage(meshed):
+    mesh = meshed.mesh
+    centres = np.linalg.norm(mesh.points[mesh.cells].mean(axis=1), axis=1)
+    assert centres[mesh.cell_data[REGION] == 2].max() < 10.01 and centres[mesh.cell_data[REGION] == 1].min() > 9.5
+    faces = interfaces(mesh)
+    normals = np.cross(*(mesh.points[faces.faces[:, i]] - mesh.points[faces.faces[:, 0]] for i in (1, 2)))
+    assert (np.einsum("ij,ij->i", normals, mesh.points[faces.faces[:, 0]]) > 0).all()  # outward
+
+
+def test_more_elements_across_make_the_cortex_finer_and_the_core_stays():
+    outer, inner = ball(11.0), {"white": ball(9.0)}
+    found = {}
+    for across in (1, 2, 3):
+        config = load({"generate": {"cell_size": 1.6}, "regions": {"elements_across": across}})
+        mesh, certificate, _ = mesh_surface(nested(outer, inner), config)
+        assert certificate.certified and certificate.quality.q.max < 0.45, certificate.reasons
+        assert certificate.parameters["generate"]["elements_across"] == across
+        cortex = certificate.regions[0]
+        deep = np.linalg.norm(mesh.points[mesh.cells].mean(axis=1), axis=1) < 4
+        found[across] = (cortex.edges_across.p5, cortex.edges_across.median, cortex.tetrahedra, int(deep.sum()))
+    assert found[2][0] >= 2 and found[3][1] >= 3 and found[1][0] < 2
+    assert found[1][2] < found[2][2] < found[3][2]
+    assert found[3][3] == pytest.approx(found[1][3], rel=0.25)
+
+
+def test_a_field_of_one_of_the_surfaces_makes_cells_smaller_on_that_one(pair):
+    white = replace(pair.inner["white"], point_data={"size": np.full(len(pair.inner["white"].points), 1.0)})
+    fine, _ = generate(nested(pair, {"white": white}), Generate(size_field="size"), cell_size=H)
+    even, _ = generate(pair, cell_size=H)
+    counts = [[len(sheet(mesh, number)[0].faces) for number in (0, 1)] for mesh in (even, fine)]
+    assert counts[1][0] == pytest.approx(counts[0][0], rel=0.1) and counts[1][1] > 3 * counts[0][1]
+    assert quality(fine.points, fine.cells).max() < 0.45
+
+
+def test_smoothing_evens_out_the_interface_on_its_surface_as_the_boundary_on_its_own(meshed):
+    mesh, _, surface = meshed
+    shaken = mesh.points.copy()
+    trees = [surface_tree(one.points, one.faces) for one in (replace(surface, inner={}), surface.inner["white"])]
+    for number, tree in enumerate(trees):
+        nodes = sheet(mesh, number)[1]
+        target = shaken[nodes] + np.random.default_rng(number).normal(0, 0.15, (len(nodes), 3))
+        shaken[nodes] = closest_points(tree, target).points
+    rough = replace(mesh, points=back_off(mesh.points, shaken, mesh.cells, q_max=0.6)[0])
+    rough = snap(rough, surface)[0]
+    smooth, report = smooth_boundary(rough, surface)
+    assert report.roughness < report.roughness_before and report.nodes_to_surface_mm.max < 1e-9
+    for number, tree in enumerate(trees):
+        before, after = (sheet(one, number)[0] for one in (rough, smooth))
+        assert boundary_roughness(after.points, after.faces) < 0.9 * boundary_roughness(before.points, before.faces)
+        assert closest_points(tree, after.points).distances.max() < 1e-9
+    assert (signed_volumes(smooth.points, smooth.cells) > 0).all()
+
+
+def test_nested_and_disjoint_regions_are_one_body_each():
+    inner = {"white": ball(10.0), "ventricle": ball(4.0, (3, 0, 0)), "deep": ball(3.0, (-5, 0, 0))}
+    result = mesh_surface(nested(ball(13.0), inner), load({"generate": {"cell_size": 1.0}}))
+    assert result.certificate.certified, result.certificate.reasons
+    volumes = {region.name: 1000 * region.volume_ml for region in result.certificate.regions}
+    white = volume(ball(10.0)) - volume(ball(4.0)) - volume(ball(3.0))
+    assert volumes["white"] == pytest.approx(white, rel=0.03)
+    assert volumes["deep"] == pytest.approx(volume(ball(3.0)), rel=0.08)
+    around = {one.name: one.around for one in result.certificate.interfaces}
+    assert around == {"white": "cortex", "ventricle": "white", "deep": "white"}
+
+
+def test_the_inner_surface_gives_way_where_the_two_touch():
+    inner = ball(10.0, (4.1, 0, 0), subdivisions=5)  # pokes out by 0.1 mm at one end
+    surface, report = separate(nested(ball(14.0, subdivisions=5), {"white": inner}), Regions(min_gap=0.5), cell_size=H)
+    (did,) = report.surfaces
+    moved = np.linalg.norm(surface.inner["white"].points - inner.points, axis=1)
+    assert did.crossing_faces_before > 0 and did.outside_max_mm == pytest.approx(0.1, abs=0.03)
+    assert did.gap_least_mm > 0.95 and did.moved_max_mm == pytest.approx(1.1, abs=0.1)
+    assert did.vertices_moved == (moved > 0).sum() and did.moved_mean_mm == pytest.approx(moved.mean())
+    assert moved[inner.points[:, 0] < 5].max() == 0  # nothing moves where there is room
+    assert len(self_intersections(joined([surface, surface.inner["white"]]))) == 0
+    assert 0 < did.volume_before_ml - did.volume_ml == pytest.approx(did.around_ml - did.around_before_ml)
+
+
+def test_what_was_pushed_into_the_surface_itself_goes_back_and_the_rest_stays():
+    white = ball(10.0)
+    points = white.points + np.array([0.1, 0, 0])
+    top = int(np.argmax(points[:, 2]))
+    points[top] += [0, 2.5, -0.3]  # under its neighbours, and out through those behind them
+    pushed = replace(white, points=points)
+    moved, remaining = taken_back(pushed, white, ball(14.0))
+    assert len(self_intersections(pushed)) > 0 == len(remaining) == len(self_intersections(moved))
+    shift = np.linalg.norm(moved.points - white.points, axis=1)
+    assert shift[top] < 1.3 and (shift < 0.09).any()
+    assert (np.abs(shift[white.points[:, 2] < 5] - 0.1) < 1e-5).all()
+
+
+def test_apart_surfaces_stay_as_they_are(pair):
+    surface, report = separate(pair, cell_size=H)
+    assert (surface.inner["white"].points == pair.inner["white"].points).all()
+    assert report.surfaces[0].vertices_moved == report.surfaces[0].crossing_faces_before == 0
+
+
+def test_a_surface_may_lie_outside_one_that_has_moved():
+    """White gives way to the pial surface by 3 mm, and the ventricle within it, which was inside, follows."""
+    inner = {"white": ball(13.8), "ventricle": ball(11.6)}
+    surface, report = separate(nested(ball(14.0), inner), cell_size=6.0)
+    assert report.surfaces[1].outside_max_mm > 0.5
+    radii = [np.linalg.norm(one.points, axis=1) for one in surface.inner.values()]
+    assert radii[1].max() < radii[0].min() - 2.5 and not len(self_intersections(joined(sheets(surface))))
+
+
+def test_stages_that_know_no_interface_are_refused_beforehand(pair):
+    for data in ({"relocate": {"enabled": True}}, {"generate": {"meshers": ["cgal"]}}):
+        with pytest.raises(InputError, match="inner surfaces"):
+            mesh_surface(pair, load(data))
+
+
+def real(name: str) -> TriSurface:
+    if not PAIRS.exists():
+        pytest.skip("no ../shared/data/pairs")
+    return read_surface(PAIRS / f"{name}.surf.gii")
+
+
+def torn() -> TriSurface:
+    whole = ball(12.0)
+    return TriSurface(whole.points, whole.faces[1:])
+
+
+#: outer and inner surface that do not belong together, and a word of why
+STRANGERS: dict[str, tuple[Callable[[], tuple[TriSurface, TriSurface]], str]] = {
+    "swapped": (lambda: (ball(10.0), ball(14.0)), "11.5 mL.*4.2 mL"),
+    "shifted": (lambda: (ball(14.0), ball(11.0, (8, 0, 0))), r"5.00 mm.*\(19.00, "),
+    "a hole": (lambda: (ball(15.0), torn()), "white.*3 open edges"),
+    "two species": (lambda: (real("neonatal_dhcp_w28_lh_pial"), real("adult_fsaverage5_lh_white")), "encloses"),
+    "two subjects": (lambda: (real("neonatal_dhcp_w28_lh_pial"), real("neonatal_dhcp_w30_rh_white")), "one subject"),
+}
+
+
+@pytest.mark.parametrize("case", STRANGERS)
+def test_surfaces_that_do_not_belong_together_are_refused(case):
+    make, word = STRANGERS[case]
+    outer, inner = make()
+    config = load({"generate": {"cell_size": 1.0}, "repair": {"enabled": False}})
+    with pytest.raises(InputError, match=word):
+        mesh_surface(nested(outer, {"white": inner}), config, inner_sources={"white": "white.gii"})
+
+
+def test_the_certificate_sees_a_vertex_off_the_interface_and_a_tetrahedron_on_the_wrong_side(meshed):
+    mesh, _, surface = meshed
+    node = interfaces(mesh).faces[0, 0]
+    points = mesh.points.copy()
+    points[node] *= 1 + 0.01 / np.linalg.norm(points[node])
+    checked = certify(replace(mesh, points=points), surface)
+    assert [c.name for c in checked.checks if not c.passed] == [
+        "distance of a node of the interface white to its surface, at most"
+    ]
+    region = mesh.cell_data[REGION].copy()
+    region[interfaces(mesh).behind[0]] = 2  # a face of it may still be flat on the surface
+    region[np.flatnonzero(region == 1)[np.argmax(mesh.points[mesh.cells[region == 1]].mean(axis=1)[:, 0])]] = 2
+    checked = certify(replace(mesh, cell_data={REGION: region}), surface)
+    assert not checked.certified
+    assert "topology problems of the interface white" in [c.name for c in checked.checks if not c.passed]
+
+
+def test_interface_vertices_slide_on_their_surface_and_edges_are_flipped(pair):
+    mesh, _ = generate(pair, cell_size=H)
+    rng = np.random.default_rng(0)
+    # spoil it: push nodes of the interface along the sphere
+    _, nodes = sheet(mesh, 1)
+    points = mesh.points.copy()
+    points[nodes] += rng.normal(0, 0.15, (len(nodes), 3))
+    found = closest_points(surface_tree(pair.inner["white"].points, pair.inner["white"].faces), points[nodes])
+    points[nodes] = found.points
+    spoilt = replace(mesh, points=points)
+    assert (signed_volumes(points, mesh.cells) > 0).all()
+    for stage in (clean, reconnect):
+        better, _ = stage(spoilt, pair)
+        assert quality(better.points, better.cells).max() < quality(points, mesh.cells).max()
+        faces, _ = sheet(better, 1)
+        assert surface_topology(faces.faces).problems() == []
+        white = pair.inner["white"]
+        assert closest_points(surface_tree(white.points, white.faces), faces.points).distances.max() < 1e-9
+        assert signed_volumes(better.points, better.cells).sum() == pytest.approx(
+            signed_volumes(points, mesh.cells).sum(), rel=0.01
+        )
+
+
+def test_a_real_pair_is_separated_at_the_medial_wall():
+    pial, white = (real(f"neonatal_dhcp_w28_lh_{name}") for name in ("pial", "white"))
+    surface, report = separate(nested(pial, {"white": white}), cell_size=1.0)
+    (did,) = report.surfaces
+    assert did.crossing_faces_before > 1000 and did.outside_max_mm < 0.15
+    assert did.moved_max_mm < 0.75 and did.moved_mean_mm < 0.1
+    depth, _, _ = depths(surface_tree(pial.points, pial.faces), pial, surface.inner["white"].points)
+    assert depth.min() == pytest.approx(did.gap_least_mm) and depth.min() > 0.1
+
+
+def test_the_outer_region_is_what_grows_in_the_direction_across_it(meshed):
+    mesh = with_interface(meshed.mesh)
+    scale = scale_of(mesh, None)
+    body = body_of(mesh, scale)
+    cortex = mesh.cell_data[REGION] == 1
+    assert body.depth[cortex].max() == 0 and (body.depth[~cortex] >= 9 * body.thickness[~cortex]).all()
+    assert body.thickness[cortex] * scale.length == pytest.approx(np.full(cortex.sum(), 4.0), rel=0.06)
+    radial = mesh.points[mesh.cells].mean(axis=1)
+    radial /= np.linalg.norm(radial, axis=1, keepdims=True)
+    assert np.einsum("ij,ij->i", body.normals, radial)[cortex].min() > 0.98
+    by_depth = body_of(replace(mesh, cell_data={}, sets=MeshSets()), scale)
+    assert by_depth.depth[~cortex].max() > 0 and len(np.unique(by_depth.depth)) > 100
+    # an exported mesh, whose regions are sets, has the same body
+    exported = named_sets(meshed.mesh, inner=["white"])
+    assert (body_of(with_interface(exported), scale).depth == body.depth).all()
+
+
+def test_a_mesh_of_two_regions_folds(meshed, tmp_path):
+    verdict = fold(meshed.mesh, tmp_path, Settings(gestational_age=22.0, allow_volume=True, end=22.2))
+    assert verdict.outcome == "folded" and verdict.thickness_mm > 1
+
+
+def test_a_phantom_pair_is_separate_and_one_too_folded_is_refused():
+    pial = phantom(23.0, subdivisions=4)
+    white = inset(pial, 1.5)
+    depth, _, _ = depths(surface_tree(pial.points, pial.faces), pial, white.points)
+    assert depth.min() > 0.5 and np.median(depth) == pytest.approx(1.5, abs=0.1)
+    assert len(self_intersections(joined([pial, white]))) == 0
+    for thickness in (0.0, 1e308, np.nan):
+        with pytest.raises(InputError, match=r"the thickness in mm is .* \(use 0.1 to 10\)"):
+            inset(pial, thickness)
+
+
+def test_the_page_shows_regions_and_thin_places(pair, meshed, tmp_path):
+    certificate = asdict(meshed.certificate)
+    write_case_page(Checked(meshed.mesh, pair, meshed.surface, certificate), tmp_path / "a.html")
+    page = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "cortex orange, white blue" in page and "Coronal, y = " in page and "Inner surface white, left" in page
+    assert "Thinnest places of cortex around white" in page and "4.0" in page
+
+
+def test_an_inner_surface_elsewhere_is_warned_about(meshed, caplog):
+    surface = nested(ball(14.0), {"white": ball(8.0)})
+    with caplog.at_level("WARNING"):
+        _, report = transfer(replace(meshed.mesh, point_data={}), surface)
+    assert "white" in caplog.text and "2.0" in caplog.text and report.nodes_further_than_1mm > 0
+
+
+@pytest.mark.parametrize("interior", ["nearest", "harmonic"])
+def test_fields_of_both_surfaces_are_carried(meshed, interior):
+    outer, inner = ball(14.0), ball(10.0)
+    ones = {"one": np.ones(len(outer.points))}
+    surface = nested(
+        replace(outer, point_data={**ones, "area": np.full(len(outer.points), 7, np.int32)}),
+        {"white": replace(inner, point_data={"one": np.zeros(len(inner.points)), "deep": inner.points[:, 0]})},
+    )
+    mesh, report = transfer(replace(meshed.mesh, point_data={}), surface, Transfer(interior=interior))
+    outside, within = sheet(mesh, 0)[1], sheet(mesh, 1)[1]
+    assert report.fields == {
+        "one": "interpolated",
+        "area": "label",
+        "thickness": "interpolated",
+        "deep": "interpolated",
+    }
+    assert mesh.point_data["one"][outside].min() > 0.999 and mesh.point_data["one"][within].max() < 0.001
+    assert (mesh.point_data["area"] == 7).all() and mesh.point_data["thickness"] == pytest.approx(4.0, abs=0.02)
+    assert mesh.point_data["deep"][within] == pytest.approx(mesh.points[within, 0], abs=0.02)
+    if interior == "harmonic":  # between two concentric spheres: (1 / 10 - 1 / r) / (1 / 10 - 1 / 14)
+        radius = np.linalg.norm(mesh.points, axis=1)
+        between = np.setdiff1d(np.flatnonzero((radius > 10) & (radius < 13.9)), [*outside, *within])
+        exact = (1 / 10 - 1 / radius[between]) / (1 / 10 - 1 / 14)
+        assert np.abs(mesh.point_data["one"][between] - exact).max() < 0.05
+
+
+def test_an_empty_region_is_said_in_a_sentence() -> None:
+    good = sound(4)
+    wrong = swapped_regions(good)
+    none = replace(wrong.mesh, cell_data={REGION: np.ones(len(wrong.mesh.cells), np.int32)})
+    (reason,) = (one for one in certify(none, wrong.surface).reasons if one.startswith("tetrahedra of region white"))
+    assert reason == "tetrahedra of region white 0, must be at least 1"
+    swapped = certify(wrong.mesh, wrong.surface)
+    assert any("volume of region white" in reason for reason in swapped.reasons)

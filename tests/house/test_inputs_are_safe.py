@@ -1,0 +1,345 @@
+"""No command changes or deletes a file that it was given, whatever it is told to write, and to where."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import shutil
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import ball_surface
+
+from cortet.cli import commands, main
+from cortet.formats.gifti import write_fields, write_surface
+from cortet.formats.ownership import MANIFEST
+from cortet.formats.volumes import write_volume
+from cortet.phantoms import phantom_with_sphere
+
+#: the user's files
+GIVEN = (
+    *("x.surf.gii", "inner.surf.gii", "sphere.surf.gii", "x.shape.gii", "x.vtu", "x.pts", "x.elem", "x.lon", "x.inp"),
+    *("settings.yaml", "notes.txt", "x.json", "x_dseg.nii.gz", "ds/participants.tsv"),
+    *("ds/dataset_description.json", "ds/.bidsignore", "ds/sub-1/anat/sub-1_hemi-L_white.surf.gii", "old/notes.txt"),
+)
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command that would succeed; `OUT` stands for a file that it writes, `DIR` for a folder."""
+
+    words: str
+    #: of what it writes
+    suffix: str = ""
+
+
+COMMANDS = {
+    "mesh": [
+        Command("x.surf.gii --cell-size 5 --config settings.yaml -o OUT", ".vtu"),
+        Command("x.surf.gii --inner inner.surf.gii --cell-size 5 -o OUT", ".pts"),
+        Command("x.surf.gii --cell-size 5 --size x_dseg.nii.gz:1=4.9 -o OUT", ".vtu"),
+        Command("x.surf.gii --cell-size 5 --field t=x.shape.gii -o fresh.mesh --picture OUT", ".png"),
+        Command("x.surf.gii --cell-size 5 -o fresh.mesh --page OUT", ".html"),
+        Command("x.surf.gii --cell-size 5 --volume t=x_dseg.nii.gz -o fresh.mesh --slices OUT", ".png"),
+    ],
+    "stages": [Command("x.surf.gii --cell-size 5 -o OUT", ".tsv")],
+    "improve": [Command("x.vtu --surface x.surf.gii -o OUT", ".inp")],
+    "gate": [Command("x.surf.gii inner.surf.gii")],
+    "repair": [
+        Command("x.surf.gii --config settings.yaml -o OUT", ".surf.gii"),
+        Command("x.surf.gii -o fresh.surf.gii --picture OUT", ".png"),
+    ],
+    "resample": [Command("sphere.surf.gii --sphere sphere.surf.gii --field t=x.shape.gii -o OUT", ".surf.gii")],
+    "envelope": [Command("x.surf.gii --distance 2 -o OUT", ".surf.gii")],
+    "labels": [Command("x_dseg.nii.gz:1 -o OUT", ".surf.gii")],
+    "growth": [
+        Command("x.surf.gii inner.surf.gii --ages 28 30 -o OUT", ".func.gii"),
+        Command("x.surf.gii inner.surf.gii --ages 28 30 -o fresh.func.gii --picture OUT", ".png"),
+    ],
+    "quality": [Command("x.vtu")],
+    "certify": [Command("x.vtu x.surf.gii -o OUT", ".json")],
+    "compare": [
+        Command("x.vtu x.inp --surface x.surf.gii -o OUT", ".html"),
+        Command("x.vtu x.inp --surface x.surf.gii -o fresh.html --table OUT", ".tsv"),
+    ],
+    "convert": [Command("x.vtu OUT", suffix) for suffix in (".inp", ".pts", ".vtu", ".surf.gii")],
+    "quadratic": [Command("x.vtu x.surf.gii -o OUT", ".inp")],
+    "project": [Command("x.vtu --mesh x.vtu --surface x.surf.gii -o OUT", ".func.gii")],
+    "picture": [Command("x.vtu -o OUT", ".png")],
+    "fold": [Command("x.vtu --ga 30 --end 30.001 --real 30=x.surf.gii --config settings.yaml -o DIR")],
+    "phantom": [
+        Command("--ga 24 --subdivisions 3 -o OUT", ".surf.gii"),
+        Command("--ga 24 --subdivisions 3 --sphere fresh.surf.gii --pial OUT -o other.surf.gii", ".surf.gii"),
+        Command("--ga 24 --subdivisions 3 -o fresh.surf.gii --sphere OUT", ".surf.gii"),
+    ],
+    "head": [Command("--ga 21 --subdivisions 3 --voxel 2 -o DIR")],
+    "cohort": [Command("scan ds -o OUT", ".tsv"), Command("scan ds --force -o OUT", ".tsv")],
+    "run": [Command("ds DIR participant --dry-run --config settings.yaml")],
+    "workflow": [Command("DIR")],
+    "config": [],
+    "doctor": [],
+}
+
+
+@pytest.fixture(scope="module")
+def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of files of a user."""
+    folder = tmp_path_factory.mktemp("given")
+    for name in GIVEN:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text("mine")
+    surface = ball_surface(3, 14.0)
+    write_surface(surface, folder / "x.surf.gii")
+    write_surface(surface, folder / "ds/sub-1/anat/sub-1_hemi-L_white.surf.gii")
+    write_surface(ball_surface(3, 8.0), folder / "inner.surf.gii")
+    write_surface(phantom_with_sphere(24.0, subdivisions=3)[1], folder / "sphere.surf.gii")
+    write_fields({"t": surface.points[:, 0]}, folder / "x.shape.gii")
+    around = np.array([[1, 0, 0, -20], [0, 1, 0, -20], [0, 0, 1, -20], [0, 0, 0, 1.0]])
+    write_volume(np.ones((40, 40, 40), np.int16), around, folder / "x_dseg.nii.gz")
+    (folder / "settings.yaml").write_text("generate:\n  cell_size: 5.0\n")
+    (folder / "ds/participants.tsv").write_text("participant_id\tscan_age\nsub-1\t24\n")
+    (folder / "ds/dataset_description.json").write_text(json.dumps({"Name": "raw", "BIDSVersion": "1.9.0"}))
+    for end in (".vtu", ".inp", ".pts"):
+        assert (
+            main(["mesh", str(folder / "x.surf.gii"), "--cell-size", "5", "--force", "-o", str(folder / f"x{end}")])
+            == 0
+        )
+    for record in [*folder.glob("x.*.json"), *folder.glob("x.meshed*"), folder / MANIFEST]:
+        record.unlink()  # so that the meshes are the user's
+    return folder
+
+
+def contents(folder: Path, names: Iterable[str] = ()) -> dict[str, bytes]:
+    """Of some files, or of all."""
+    paths = [folder / name for name in names] or [path for path in folder.rglob("*") if path.is_file()]
+    return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
+
+
+#: ways to name a file of the user
+SPELLINGS = ("{0}", "ds/../{0}", "{link}/{0}")
+#: a command in a folder with a mesh of cortet's
+FOLD = "fold x.vtu --ga 20 --end 20.001 -o f"
+
+
+def run(words: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> int:
+    monkeypatch.chdir(folder)
+    try:
+        return main(words.split())
+    except SystemExit as stop:  # wrong usage
+        return int(stop.code or 0)
+
+
+def test_the_volume_of_a_size_is_an_input(given: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = (given / "x_dseg.nii.gz").read_bytes()
+    words = "mesh x.surf.gii --cell-size 5 --size x_dseg.nii.gz:1=4.9 --page x_dseg.nii.gz --force -o fresh.vtu"
+    assert run(words, given, monkeypatch) == 1
+    assert (given / "x_dseg.nii.gz").read_bytes() == before
+
+
+def test_every_command_is_tried() -> None:
+    assert set(COMMANDS) == {words.split()[1] for words, _ in commands()}
+
+
+@pytest.mark.parametrize(
+    ("name", "command"),
+    [
+        pytest.param(name, command, id=f"{name} {command.words}{command.suffix}")
+        for name, tried in COMMANDS.items()
+        for command in tried
+    ],
+)
+def test_no_command_changes_or_deletes_a_file_that_was_there(
+    given: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, command: Command
+) -> None:
+    before = contents(given, GIVEN)
+    (tmp_path / "link").symlink_to(given)
+    targets = [*GIVEN, "ds", "old", "."] if "DIR" in command.words else GIVEN
+    if not {"OUT", "DIR"} & set(command.words.split()):
+        targets = ()
+    inputs = command.words.replace("=", " ").split()
+    for target, spelling, force in itertools.product(targets, SPELLINGS, ["", " --force"]):
+        place = spelling.format(target, link=tmp_path / "link")
+        if force and (force.strip() in inputs or name in ("cohort", "run") or target not in inputs):
+            continue  # the user has said that this one may be replaced
+        words = f"{name} {command.words}{force}".replace("OUT", place).replace("DIR", place)
+        assert run(words, given, monkeypatch) != 0, words
+        assert contents(given, GIVEN) == before, words
+    fresh = tmp_path / "fresh"
+    allowed = f"{name} {command.words}".replace("OUT", f"{fresh}{command.suffix}").replace("DIR", str(fresh))
+    if name != "run":  # which the integration tests run
+        words = allowed.replace("fresh.", f"{fresh}.").replace("other.", f"{fresh}-other.")
+        assert run(words, given, monkeypatch) in (0, 1)
+    assert contents(given, GIVEN) == before, allowed
+
+
+def test_an_uncertified_mesh_leaves_nothing_of_an_earlier_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_surface(ball_surface(3, 14.0), tmp_path / "a.surf.gii")
+    mesh = "mesh a.surf.gii --cell-size 5 -o x.pts --page x.html"
+    assert run(mesh, tmp_path, monkeypatch) == 0
+    assert {"x.pts", "x.elem", "x.lon", "x.pts.json", "x.meshed.surf.gii"} <= {path.name for path in tmp_path.iterdir()}
+    (tmp_path / "x.notes").write_text("mine")
+    (tmp_path / "strict.yaml").write_text("certify:\n  q_max: 0.01\n")
+    assert run("mesh a.surf.gii --cell-size 5 --config strict.yaml -o x.pts", tmp_path, monkeypatch) == 1
+    left = {"a.surf.gii", "strict.yaml", "x.notes", "x.certificate.json", "x.meshed.surf.gii"}
+    assert {path.name for path in tmp_path.iterdir()} == {*left, MANIFEST}
+
+
+@pytest.fixture(scope="module")
+def mesh_of_a_ball(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("meshed")
+    write_surface(ball_surface(3, 14.0), folder / "a.surf.gii")
+    with pytest.MonkeyPatch.context() as patch:
+        assert run("mesh a.surf.gii --cell-size 5 -o x.vtu", folder, patch) == 0
+    return folder
+
+
+@pytest.fixture
+def meshed(mesh_of_a_ball: Path, tmp_path: Path) -> Path:
+    """A folder with a mesh of cortet's."""
+    return shutil.copytree(mesh_of_a_ball, tmp_path, dirs_exist_ok=True)
+
+
+@pytest.fixture(scope="module")
+def fold_of_a_ball(mesh_of_a_ball: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What nobody has edited is made again."""
+    folder = shutil.copytree(mesh_of_a_ball, tmp_path_factory.mktemp("folded"), dirs_exist_ok=True)
+    with pytest.MonkeyPatch.context() as patch:
+        assert [run(FOLD, folder, patch) for _ in range(2)] == [0, 0]
+    return folder
+
+
+@pytest.mark.parametrize("force", ["", " --force"])
+@pytest.mark.parametrize("output", ["x.meshed.surf.gii", "x.vtu.json", "x.vtu"])
+@pytest.mark.parametrize(
+    "command", ["certify x.vtu -o {}", "compare x.vtu -o {}", "compare x.vtu -o a.html --table {}"]
+)
+def test_what_the_sidecar_names_is_an_input(
+    meshed: Path, monkeypatch: pytest.MonkeyPatch, command: str, output: str, force: str
+) -> None:
+    before = contents(meshed)
+    assert run(command.format(output) + force, meshed, monkeypatch) == 1
+    assert contents(meshed) == before
+
+
+def test_a_file_that_the_configuration_names_is_an_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for number, name in ((3, "x"), (4, "common")):
+        surface, sphere = phantom_with_sphere(24.0, subdivisions=number)
+        write_surface(surface, tmp_path / f"{name}.surf.gii")
+        write_surface(sphere, tmp_path / f"{name}.sphere.gii")
+    (tmp_path / "c.yaml").write_text(f"resample:\n  template: {tmp_path}/common.sphere.gii\n")
+    before = (tmp_path / "common.sphere.gii").read_bytes()
+    words = "resample x.surf.gii --sphere x.sphere.gii --config c.yaml --force -o "
+    assert run(words + "common.sphere.gii", tmp_path, monkeypatch) == 1
+    assert (tmp_path / "common.sphere.gii").read_bytes() == before
+    assert run(words + "y.surf.gii", tmp_path, monkeypatch) == 0
+
+
+@pytest.mark.parametrize("name", ["x.certificate.json", "x.vtu.json", "x.meshed.surf.gii"])
+def test_a_mesh_that_cannot_be_replaced_stays(meshed: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    (meshed / name).write_text("mine")
+    before = contents(meshed)
+    assert run("mesh a.surf.gii --cell-size 5 -o x.vtu", meshed, monkeypatch) == 1
+    assert contents(meshed) == before
+
+
+@pytest.mark.parametrize("name", ["y.vtu.json", "y.meshed.surf.gii", "y.certificate.json", "y.vtu", "../{}/y.vtu"])
+def test_two_outputs_of_one_name_are_refused(meshed: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    before = contents(meshed)
+    command = f"mesh a.surf.gii --cell-size 5 -o y.vtu --page {name.format(meshed.name)}"
+    assert run(command, meshed, monkeypatch) == 1
+    assert contents(meshed) == before
+
+
+@pytest.mark.parametrize(
+    "other", ["a.surf.gii --cell-size 4", "a.surf.gii --cell-size 5 --config other.yaml", "b.surf.gii --cell-size 5"]
+)
+def test_another_mesh_takes_the_certificate_of_none(meshed: Path, monkeypatch: pytest.MonkeyPatch, other: str) -> None:
+    """Of another cell size, of other parameters, of another surface."""
+    write_surface(ball_surface(3, 15.0), meshed / "b.surf.gii")
+    (meshed / "other.yaml").write_text("generate: {seed: 3}")
+    before = contents(meshed)
+    assert run(f"mesh {other} -o x.msh", meshed, monkeypatch) == 1
+    assert contents(meshed) == before
+    assert run(f"mesh {other} -o x.vtu", meshed, monkeypatch) == 0, "its own companions it may replace"
+    assert run(f"mesh {other} -o x.msh", meshed, monkeypatch) == 0, "the same mesh in another format shares them"
+    assert run("certify x.vtu", meshed, monkeypatch) == run("certify x.msh", meshed, monkeypatch) == 0
+
+
+@pytest.mark.parametrize("last", ["x.certificate.json", "x.meshed.surf.gii", "x.vtu.json", "x.vtu", "x.png"])
+def test_a_command_that_was_killed_is_started_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, last: str) -> None:
+    class Killed(BaseException):
+        pass
+
+    def replace_then_die(path: Path, target: Path) -> Path:
+        result = replace(path, target)
+        if Path(target).absolute() == tmp_path / last:
+            raise Killed
+        return result
+
+    write_surface(ball_surface(3, 14.0), tmp_path / "a.surf.gii")
+    replace = Path.replace
+    words = "mesh a.surf.gii --cell-size 5 -o x.vtu --picture x.png"
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "replace", replace_then_die)
+        with pytest.raises(Killed):
+            run(words, tmp_path, patched)
+    assert (tmp_path / last).exists()
+    assert run(words, tmp_path, monkeypatch) == 0
+
+
+def test_a_sidecar_that_names_no_meshed_surface_is_of_no_use(meshed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    record = json.loads((meshed / "x.vtu.json").read_text())
+    record["made_from"]["meshed"] = {}
+    (meshed / "x.vtu.json").write_text(json.dumps(record))
+    assert run("certify x.vtu", meshed, monkeypatch) == 1
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "cohort.tsv"])
+def test_a_working_folder_of_others_is_left_alone(
+    given: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    (tmp_path / "work").mkdir()
+    (tmp_path / "work" / name).write_text("mine")
+    words = f"run {given}/ds {tmp_path}/out participant --dry-run --work-dir {tmp_path}/"
+    assert run(words + "work", tmp_path, monkeypatch) == 1
+    assert (tmp_path / "work" / name).read_text() == "mine"
+    if name == "config.yaml":  # once is enough: Snakemake plans
+        for _ in range(2):
+            assert run(words + "fresh", tmp_path, monkeypatch) == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "suffix"),
+    [
+        ("mesh a.surf.gii --cell-size 5 -o", ".vtu"),
+        ("repair a.surf.gii -o", ".surf.gii"),
+        ("resample a.surf.gii --sphere a.surf.gii -o", ".surf.gii"),
+        ("convert x.vtu", ".inp"),
+        ("quadratic x.vtu -o", ".inp"),
+    ],
+)
+def test_names_that_are_too_long_for_companions_are_refused_before_the_work(
+    meshed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: str, suffix: str
+) -> None:
+    """The file itself would fit; what is written beside it has a longer name."""
+    before = contents(meshed)
+    room = os.pathconf(meshed, "PC_NAME_MAX") - len(f".{os.getpid()}-12345678.") - len(suffix)
+    assert run(f"{words} {'y' * room}{suffix}", meshed, monkeypatch) == 1
+    said = capsys.readouterr()
+    assert "shorter name" in said.err and "seconds" not in said.out
+    assert contents(meshed) == before
+
+
+@pytest.mark.parametrize("name", ["fold.tsv", "verdict.json", "folding.svg", "frames/frame_0001.vtu"])
+def test_a_file_of_a_fold_that_was_edited_is_kept(
+    fold_of_a_ball: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    shutil.copytree(fold_of_a_ball, tmp_path, dirs_exist_ok=True)
+    (tmp_path / "f" / name).write_text("edited")
+    before = contents(tmp_path / "f")
+    assert run(FOLD, tmp_path, monkeypatch) == 1
+    assert contents(tmp_path / "f") == before

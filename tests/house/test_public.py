@@ -1,0 +1,132 @@
+"""The public calls of `cortet`: what `help`, `dir` and `typing` say of them, and the examples of their docstrings."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+import typing
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+import pyvista
+import tetgen
+
+import cortet
+from cortet.cli import main
+from cortet.errors import InputError
+from cortet.formats.gifti import write_surface
+from cortet.meshes import TetMesh
+
+FUNCTIONS = [name for name in cortet.__all__ if inspect.isfunction(getattr(cortet, name))]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A surface, its mesh, and a mesh of TetGen's with slivers."""
+    place = tmp_path_factory.mktemp("public")
+    shape = cortet.phantom(28, subdivisions=3)
+    write_surface(shape, place / "x.surf.gii")
+    cortet.mesh(place / "x.surf.gii", cell_size=4.0, ga=28, hemi="L", progress=False).save(place / "x.vtu")
+    filled = tetgen.TetGen(np.array(shape.points), np.array(shape.faces))
+    filled.tetrahedralize(order=1, mindihedral=10, minratio=1.5, maxvolume=20.0)
+    meshio.Mesh(filled.node, [("tetra", filled.elem)]).write(place / "foreign.vtu")
+    return place
+
+
+def test_dir_holds_what_is_public_and_nothing_else() -> None:
+    assert dir(cortet) == sorted([*cortet.__all__, "__version__"])
+    assert {"read", "phantom", "convert", "improve", "fold", "growth"} <= set(FUNCTIONS)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_help_has_shapes_an_example_and_types(
+    name: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    call = getattr(cortet, name)
+    text = inspect.getdoc(call) or ""
+    for section in ("Parameters", "Returns", "Raises", "Examples"):
+        assert f"{section}\n{'-' * len(section)}\n" in text, section
+    named = [one for one in inspect.signature(call).parameters if one not in ("progress",)]
+    assert not [one for one in named if one not in text]
+    assert "return" in typing.get_type_hints(call)
+    for file in folder.iterdir():
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    (example,) = doctest.DocTestFinder(recurse=False).find(call, name, globs={"cortet": cortet})
+    said: list[str] = []
+    result = doctest.DocTestRunner().run(example, out=said.append)
+    assert result.attempted and not result.failed, "".join(said)
+
+
+def test_a_fold_shows_itself_in_three_lines(folder: Path) -> None:
+    folded = cortet.fold(folder / "x.vtu", end=28.1, progress=False)
+    assert repr(folded).startswith("<Folded: folded from 28.00 to 28.10 weeks") and repr(folded).count("\n") == 2
+    assert typing.get_type_hints(cortet.Folded)["folder"] is Path
+
+
+def test_a_mesh_that_was_saved_is_read_with_what_is_known_of_it(folder: Path, tmp_path: Path) -> None:
+    made = cortet.read(folder / "x.vtu")
+    assert made.certified and (made.ga, made.hemi) == (28, "L") and made.config.generate.cell_size == [4.0]
+    assert repr(made).count("\n") == repr(made.certificate).count("\n") == 2
+    assert "<table>" in made.certificate._repr_html_()
+    made.save(tmp_path / "again.vtu")
+    assert (tmp_path / "again.vtu").read_bytes() == (folder / "x.vtu").read_bytes()
+    with pytest.raises(InputError, match="sidecar.*surface"):
+        cortet.read(folder / "foreign.vtu")
+
+
+def test_other_programs_get_the_arrays_of_the_file(folder: Path) -> None:
+    made = cortet.read(folder / "x.vtu")
+    grid, other, file = made.to_pyvista(), made.to_meshio(), pyvista.read(folder / "x.vtu")
+    for arrays in (grid, other):
+        assert set(arrays.cell_data) == set(file.cell_data) and set(arrays.point_data) == set(file.point_data)
+    for values in (grid.cell_data, {name: one for name, (one,) in other.cell_data.items()}):
+        assert np.array_equal(values["q"], made.quality.astype(np.float32))
+        assert np.array_equal(values["q"], file.cell_data["q"])
+        assert np.array_equal(values["region"], file.cell_data["region"])
+    assert np.array_equal(other.cells[0].data, made.cells)
+    assert made.nodes is made.points and made.tetrahedra is made.cells
+    assert (made.n_points, made.n_cells) == (grid.n_points, grid.n_cells)
+    assert made.volume == pytest.approx(grid.volume)
+
+
+def test_an_error_of_a_call_has_no_frames_inside_cortet(folder: Path) -> None:
+    with pytest.raises(InputError, match="nofile") as raised:
+        cortet.mesh(folder / "nofile.surf.gii")
+    assert len(raised.traceback) == 2 and raised.value.__cause__ is None
+
+
+def test_a_mesh_of_another_program_is_improved_and_certified(folder: Path, tmp_path: Path) -> None:
+    before = cortet.read(folder / "foreign.vtu", folder / "x.surf.gii")
+    assert before.certificate.quality.q.max > 0.6 and not before.certified
+    words = ["improve", str(folder / "foreign.vtu"), "--surface", str(folder / "x.surf.gii")]
+    assert main([*words, "-o", str(tmp_path / "better.vtu")]) == 0
+    better = cortet.read(tmp_path / "better.vtu")
+    assert better.certified and better.certificate.quality.q.max < 0.6
+    in_memory = cortet.improve(before, progress=False)
+    assert np.array_equal(in_memory.points, better.points) and np.array_equal(in_memory.cells, better.cells)
+    assert next(iter(in_memory.certificate.parameters)) == "clean"
+
+
+def test_what_cannot_be_improved_is_refused(folder: Path) -> None:
+    made = cortet.read(folder / "x.vtu")
+    twice = TetMesh(made.points, np.concatenate([made.cells, made.cells[:1]]))
+    flat = np.array(made.points)
+    flat[made.cells[7, 0]] = flat[made.cells[7, 1]]
+    for mesh, surface, word in (
+        (made.mesh, [], "give the surface"),
+        (twice, [made.surface], "no body"),
+        (TetMesh(flat, made.cells), [made.surface], "no volume"),
+        (TetMesh(made.points / 1000, made.cells), [made.surface], "in mm"),
+        (TetMesh(made.points + 100, made.cells), [made.surface], "in mm"),
+    ):
+        with pytest.raises(InputError, match=word):
+            cortet.improve(mesh, *surface)
+
+
+def test_the_order_of_nodes_of_other_programs_does_not_matter(folder: Path) -> None:
+    made = cortet.read(folder / "x.vtu")
+    turned = TetMesh(made.points, made.cells[:, [1, 0, 2, 3]])
+    assert cortet.improve(turned, made.surface, 4.0, progress=False).certified

@@ -1,0 +1,312 @@
+"""A certificate says yes only when everything is right, and otherwise what, where, why, and what to change."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cubes import cube_mesh
+from pydantic import ValidationError
+from shapes import horseshoe
+from wrong_meshes import sound, touching, with_listed_twice, with_slit, with_swapped_nodes, with_unused_node
+
+from cortet.config.sections import Certify
+from cortet.errors import InputError
+from cortet.geometry.banks import banks, gaps, slits
+from cortet.geometry.topology import boundary_surface
+from cortet.measure.certify import SCHEMA, Certificate, certify
+from cortet.measure.checks import NAMES, Comparison, checked, remedies, with_cell_size
+from cortet.meshes import TetMesh, TriSurface
+from cortet.report.case_page import of_check
+
+
+@pytest.fixture(scope="module")
+def mesh() -> TetMesh:
+    return cube_mesh(4, side=8.0)
+
+
+@pytest.fixture(scope="module")
+def surface(mesh: TetMesh) -> TriSurface:
+    return boundary_surface(mesh)[0]
+
+
+#: of another size than its surface, and anywhere
+ANY_SIZE = Certify(max_boundary_distance=None, max_area_change=None, max_volume_change=None)
+
+
+def failed(certificate: Certificate) -> set[str]:
+    return {check.id for check in certificate.checks if not check.passed}
+
+
+def test_a_good_mesh_is_certified_with_every_number_beside_its_limit(mesh: TetMesh, surface: TriSurface) -> None:
+    certificate = certify(mesh, surface, case="sub-01_hemi-L")
+    assert certificate.certified
+    assert certificate.reasons == ()
+    checks = {check.id: check for check in certificate.checks}
+    assert checks["worst_q"].value == certificate.quality.q.max
+    assert (checks["worst_q"].comparison, checks["worst_q"].limit) == ("<", 0.6)
+    assert checks["boundary_euler_number"].value == 2
+    assert all(check.passed for check in certificate.checks)
+
+
+def test_the_limit_of_q_is_strict(mesh: TetMesh, surface: TriSurface) -> None:
+    q_max = certify(mesh, surface).quality.q.max
+    assert failed(certify(mesh, surface, Certify(q_max=q_max))) == {"worst_q"}
+    assert certify(mesh, surface, Certify(q_max=np.nextafter(q_max, 1))).certified
+
+
+@pytest.mark.parametrize(
+    ("value", "comparison", "limit", "said"),
+    [
+        (0.0561234, "<=", 0.05, "0.05612, must not exceed 0.05"),
+        (0.60004, "<", 0.6, "0.60004, must be below 0.6"),
+        (0.6, "<", 0.6, "0.6, must be below 0.6"),
+        (0.1 + 0.2, "<=", 0.3, "0.30000000000000004, must not exceed 0.3"),
+        (0.0299999, ">=", 0.03, "0.0299999, must be at least 0.03"),
+        (0.1234568, "<=", 0.12345674, "0.1235, must not exceed 0.123457"),
+        (1234567, "==", 0, "1,234,567, must be 0"),
+        (12345.6, "<=", 12346, "12345.6, must not exceed 12346"),
+        (0.0561234, None, None, "0.05612, no limit"),
+    ],
+)
+def test_a_number_has_few_digits_but_tells_on_which_side_of_its_limit_it_is(
+    value: float, comparison: Comparison | None, limit: float | None, said: str
+) -> None:
+    check = checked("worst_q", value, comparison, limit)
+    assert check.finding == f"worst q {said}"
+    assert of_check(asdict(check))["value"] == said.rpartition(", ")[0]
+
+
+def test_a_missed_limit_comes_with_number_place_reason_and_remedy(surface: TriSurface) -> None:
+    certificate = certify(cube_mesh(4, side=8.0, jitter=0.3), surface)
+    (reason,), worst = certificate.reasons, certificate.worst_elements[0]
+    for said in (f"{worst.q:.4g}", "({:.2f}, {:.2f}, {:.2f}) mm".format(*worst.centre_mm), worst.reason, "`clean`"):
+        assert said in reason
+
+
+def in_two_pieces(mesh: TetMesh) -> TetMesh:
+    n = len(mesh.points)
+    return TetMesh(np.concatenate([mesh.points, mesh.points + 20]), np.concatenate([mesh.cells, mesh.cells + n]))
+
+
+def with_tunnel(mesh: TetMesh) -> TetMesh:
+    """A square tunnel from bottom to top; every element is good."""
+    hole = (np.abs(mesh.points[mesh.cells].mean(axis=1)[:, :2] - 3) < 1).all(axis=1)
+    nodes = np.unique(mesh.cells[~hole])
+    return TetMesh(mesh.points[nodes], np.searchsorted(nodes, mesh.cells[~hole]))
+
+
+@pytest.mark.parametrize(
+    ("fault", "checks"),
+    [
+        (with_swapped_nodes, {"flat_or_inverted_tetrahedra"}),
+        (with_listed_twice, {"volume_balance", "repeated_tetrahedra"}),
+        (with_unused_node, {"unused_nodes"}),
+        (in_two_pieces, {"boundary_components", "boundary_euler_number"}),
+        (with_tunnel, {"boundary_euler_number"}),
+    ],
+)
+def test_each_fault_fails_its_checks(
+    mesh: TetMesh, surface: TriSurface, fault: Callable[[TetMesh], TetMesh], checks: set[str]
+) -> None:
+    found = failed(certify(fault(mesh), surface, ANY_SIZE))
+    assert found >= checks
+    if fault in (with_unused_node, in_two_pieces, with_tunnel):
+        assert found == checks
+
+
+def test_cubes_that_touch_in_an_edge_or_a_corner_are_refused(mesh: TetMesh, surface: TriSurface) -> None:
+    for shift, finding in (((8, 8, 0), "nonmanifold_edges"), ((8, 8, 8), "pinched_vertices")):
+        certificate = certify(touching(mesh, *shift), surface, ANY_SIZE)
+        assert finding in failed(certificate)
+        assert (8.0, 8.0) in {place[:2] for place in certificate.defects_mm}
+        (reason,) = (reason for reason in certificate.reasons if reason.startswith(NAMES[finding]))
+        assert "the first around (8.00, 8.00, " in reason
+
+
+def test_a_boundary_that_passes_through_itself_is_refused_with_the_place(surface: TriSurface) -> None:
+    # two towers on one slab, of which the left is bent through the right
+    block = cube_mesh(6, side=6.0)
+    centre = block.points[block.cells].mean(axis=1)
+    slit = (np.abs(centre[:, 0] - 3) < 1) & (centre[:, 2] > 2)
+    nodes = np.unique(block.cells[~slit])
+    points = block.points[nodes].copy()
+    left = (points[:, 0] < 3) & (points[:, 2] > 2)
+    points[left, 0] += 0.9 * (points[left, 2] - 2)  # a shear keeps all volumes
+    towers = TetMesh(points, np.searchsorted(nodes, block.cells[~slit]))
+    certificate = certify(towers, surface, ANY_SIZE.model_copy(update={"q_max": 0.9999}))
+    assert failed(certificate) == {"crossing_faces"}
+    assert "the first around (" in certificate.reasons[0]
+    assert 0 < len(certificate.crossings_mm) <= 10
+
+
+def test_a_boundary_off_the_surface_is_refused_unless_there_is_no_limit(mesh: TetMesh, surface: TriSurface) -> None:
+    away = replace(mesh, points=mesh.points * 1.01)
+    certificate = certify(away, surface, Certify(max_boundary_distance=1e-3))
+    assert failed(certificate) == {"node_distance"} and "0.1386 mm" in certificate.reasons[0]
+    assert certify(away, surface, ANY_SIZE).certified
+
+
+def test_what_s1_found_wrong_cannot_be_hidden_by_later_stages(mesh: TetMesh, surface: TriSurface) -> None:
+    certificate = certify(mesh, surface, reports={"generate": {"topology_ok": False, "reason": "two banks fused"}})
+    assert not certificate.certified
+    assert "two banks fused" in certificate.reasons[0]
+
+
+def test_numbers_that_are_none_are_an_error(mesh: TetMesh, surface: TriSurface) -> None:
+    points = mesh.points.copy()
+    points[3, 1] = np.nan
+    with pytest.raises(InputError, match="1 of 125 nodes"):
+        certify(TetMesh(points, mesh.cells), surface)
+
+
+@pytest.mark.parametrize(
+    ("mesher", "says", "not_says"),
+    [
+        ("lattice", "use a smaller cell size", "mesher `lattice`"),
+        ("cgal", "the mesher `lattice`", "another surface"),
+        (None, "the mesh was made from another surface", "mesher `lattice`"),
+    ],
+)
+def test_a_remedy_fits_what_filled_the_surface_and_names_a_cell_size(
+    mesher: str | None, says: str, not_says: str
+) -> None:
+    failed, passed = (
+        checked("surface_distance", value, "<=", 1.0, remedy=remedies(mesher).loss) for value in (2.0, 0.5)
+    )
+    remedy = with_cell_size(failed, None).remedy
+    assert says in remedy and not_says not in remedy
+    assert ("1.1 mm" in with_cell_size(failed, 1.5).remedy) == ("smaller cell size" in remedy)
+    assert with_cell_size(passed, 1.5) == with_cell_size(passed, None)
+
+
+def test_the_record_is_plain_json_and_the_same_every_time(mesh: TetMesh, surface: TriSurface, tmp_path: Path) -> None:
+    source = tmp_path / "x.surf.gii"
+    source.write_bytes(b"surface")
+    records = [
+        json.dumps(asdict(certify(mesh, surface, source=source, parameters={"clean": {"version": 1}})), allow_nan=False)
+        for _ in range(2)
+    ]
+    assert records[0] == records[1]
+    record = json.loads(records[0])
+    assert record["input"]["sha256"] == hashlib.sha256(b"surface").hexdigest()
+    assert record["parameters"] == {"clean": {"version": 1}}
+    assert {"cortet", "python", "numpy", "numba", "gmsh"} <= set(record["versions"])
+
+
+def test_an_input_file_that_is_gone_is_an_error_that_names_it(mesh: TetMesh, surface: TriSurface) -> None:
+    with pytest.raises(InputError, match=r"gone.surf.gii: cannot be read"):
+        certify(mesh, surface, source="gone.surf.gii")
+
+
+SLIT = sound(4)
+
+
+@pytest.mark.parametrize("width", [2e-4, 1e-2])
+def test_a_slit_one_element_deep_is_refused_though_all_nodes_are_on_the_surface(width: float) -> None:
+    certificate = certify(with_slit(SLIT.mesh, width), SLIT.surface)
+    assert failed(certificate) == {"bank_gap"}
+    assert certificate.fidelity.nodes_to_surface_mm.max < 1e-9
+    assert certificate.banks.gap_mm == pytest.approx(width / 3, rel=1e-3)
+    assert certificate.banks.surface_gap_mm == pytest.approx(certificate.banks.widest_mm)
+    assert "at (6.0" in certificate.reasons[0] and "must be at least 0.03" in certificate.reasons[0]
+    assert certify(with_slit(SLIT.mesh, width), SLIT.surface, Certify(min_bank_gap=None)).certified
+
+
+def test_a_gap_that_the_surface_has_is_no_slit() -> None:
+    """The ends of a horseshoe face each other, nearer than an edge: the surface has that gap, too."""
+    narrow = horseshoe(0.3)
+    found = banks(narrow, narrow)
+    assert found.least_share == pytest.approx(1)
+    end = 0.3 / 5 / 2  # radians
+    place, normal = np.array([[np.cos(end), np.sin(end), 0]]) * 5, np.array([[np.sin(end), -np.cos(end), 0]])
+    assert gaps(narrow, place, normal, 2.0) == pytest.approx([0.3], rel=1e-3)
+    closed = horseshoe(0.006)
+    assert banks(closed, narrow).least_share < 0.03
+    faces = slits(closed, narrow, 0.03)
+    assert len(faces) and np.abs(closed.points[closed.faces[faces]].mean(axis=1)[:, 1]).max() < 0.01  # of both ends
+    assert not len(slits(narrow, narrow, 0.03)) and not len(slits(closed, narrow, 0.01))
+
+
+@pytest.mark.parametrize("left", [1e-6, 1e-3])
+def test_a_node_a_hair_from_the_other_bank_is_a_slit(left: float) -> None:
+    narrow = horseshoe(0.3)
+    points = narrow.points.copy()
+    hub = int(np.abs(points - np.array([5 * np.cos(0.03), 5 * np.sin(0.03), 0])).sum(axis=1).argmin())
+    points[hub, 1] = -points[hub, 1] + left  # onto the flat end opposite, but for this
+    spiked = TriSurface(points, narrow.faces)
+    found = banks(spiked, narrow)
+    assert found.gap_mm == pytest.approx(left, rel=0.05) and found.least_share < 0.03
+    assert hub in narrow.faces[slits(spiked, narrow, 0.03)]
+
+
+def test_centres_of_faces_far_from_the_surface_are_refused(mesh: TetMesh, surface: TriSurface) -> None:
+    moved = TriSurface(surface.points + np.array([0, 0, 0.5]), surface.faces)
+    certificate = certify(mesh, moved, Certify(max_boundary_distance=None, max_surface_distance=None), cell_size=0.6)
+    assert "face_centre_distance" in failed(certificate)
+    assert "0.5 mm, must not exceed 0.45 mm" in " ".join(certificate.reasons)
+    assert certify(mesh, moved, Certify(max_boundary_distance=None)).certified, "the cell size is not known"
+
+
+def test_the_native_surface_is_compared_both_ways_and_checked(mesh: TetMesh, surface: TriSurface) -> None:
+    native = TriSurface(surface.points * 1.05, surface.faces)
+    limits = {"max_native_distance": 0.5, "max_mean_native_distance": 0.1, "max_native_area_change": 0.06}
+    certificate = certify(mesh, surface, Certify(**limits), native=native, cell_size=1.0)
+    assert certificate.native is not None
+    assert certificate.native.relative_area_change == pytest.approx(1 / 1.05**2 - 1)
+    assert certificate.native.native_to_boundary_mm.max == pytest.approx(0.4 * np.sqrt(3))
+    assert certificate.native.boundary_to_native_mm.max == pytest.approx(0.4)
+    assert failed(certificate) == {
+        "native_distance",
+        "mean_native_distance",
+        "native_area_change",
+    }
+    repaired = {"repair": {"repaired": True}}
+    assert certify(mesh, surface, Certify(**limits), native=native, cell_size=1.0, reports=repaired).certified
+    unlimited = Certify(**dict.fromkeys(limits))
+    assert certify(mesh, surface, unlimited, native=native, cell_size=1.0).certified, "without limits"
+
+
+def test_a_broken_native_surface_is_no_obstacle(mesh: TetMesh, surface: TriSurface) -> None:
+    points, faces = surface.points.copy(), surface.faces[5:].copy()
+    points[7] = np.nan
+    faces[3] = faces[4]
+    native = certify(mesh, surface, native=TriSurface(points, faces)).native
+    assert native is not None and native.native_to_boundary_mm.max < 1e-9 < native.boundary_to_native_mm.max
+    nothing = TriSurface(np.full((3, 3), np.nan), np.array([[0, 1, 2]], np.int32))
+    assert certify(mesh, surface, native=nothing).native is None
+
+
+@pytest.mark.parametrize("limit", [np.inf, np.nan, 0.0, -1.0])
+def test_a_limit_that_is_none_is_an_error_that_names_it(limit: float) -> None:
+    for name in ("q_max", "max_face_distance", "max_boundary_distance"):
+        with pytest.raises(ValidationError, match=rf"{name}\n  Input should be .*input_value={limit}"):
+            Certify(**{name: limit})
+
+
+def test_every_check_has_an_identifier_and_says_in_words_what_it_measures(mesh: TetMesh, surface: TriSurface) -> None:
+    certificate = certify(mesh, surface, native=surface, reports={"generate": {"topology_ok": True}})
+    of = {check.id: check.name for check in certificate.checks}
+    assert len(of) == len(certificate.checks) and of.items() <= NAMES.items()
+    assert all(name.startswith(("region_", "interface_")) for name in NAMES.keys() - of.keys())
+    assert certificate.schema == SCHEMA
+
+
+@pytest.mark.parametrize("size", [1e308, 0.0, -1.0, np.nan, np.inf])
+def test_a_cell_size_beyond_its_bounds_checks_nothing(mesh: TetMesh, surface: TriSurface, size: float) -> None:
+    with pytest.raises(InputError, match="0.05 to 20"):
+        certify(mesh, surface, cell_size=size)
+
+
+def test_a_mesh_and_a_surface_in_metres_are_refused_where_the_cell_size_is_known(
+    mesh: TetMesh, surface: TriSurface
+) -> None:
+    assert certify(mesh, surface, cell_size=2.0).certified
+    small = replace(mesh, points=mesh.points / 1000)
+    with pytest.raises(InputError, match="2 mm.*metres"):
+        certify(small, boundary_surface(small)[0], cell_size=2.0)

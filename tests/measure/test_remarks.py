@@ -1,0 +1,84 @@
+"""What a certified mesh says of the surfaces that were changed for it."""
+
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shapes import ball_surface
+
+import cortet
+from cortet.config.stages import Regions
+from cortet.errors import InputError
+from cortet.formats.gifti import write_surface
+from cortet.formats.volumes import Volume
+from cortet.geometry.nesting import nested
+from cortet.measure.remarks import remarks
+from cortet.stages import separate as stage
+from cortet.stages.separate import separate
+
+PARAMETERS = {"separate": {"min_gap": 0.5}, "generate": {"cell_size": 2.0}}
+
+
+def told(*, inner: float, outer: float = 14.0) -> tuple[str, ...]:
+    ball = ball_surface(4, radius=inner)
+    _, report = separate(nested(ball_surface(4, radius=outer), {"white": ball}), Regions(min_gap=0.5), cell_size=2.0)
+    return remarks({"separate": asdict(report)}, PARAMETERS)
+
+
+def test_an_inner_surface_that_gave_way_far_is_told_with_the_volume() -> None:
+    (sentence,) = told(inner=13.7)
+    volume = 4 / 3 * np.pi * (13.7**3 - 13.0**3) / 1000
+    between = 4 / 3 * np.pi * (14.0**3 - 13.0**3) / 1000
+    millilitres, share = (float(word.strip("%,")) for word in sentence.split() if word[0].isdigit())
+    assert millilitres == pytest.approx(volume, rel=0.1) and share == pytest.approx(100 * volume / between, rel=0.1)
+    assert sentence.startswith("white gave way to the surface around it: ")
+    assert told(inner=12.0) == ()
+
+
+def test_a_gap_that_would_make_triangles_cross_is_halved_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried = []
+
+    def stubborn(surface, container, tree, gaps, gap):  # type: ignore[no-untyped-def]
+        """Triangles cross with every gap above half a millimetre."""
+        tried.append(gap)
+        moved, remaining = kept_apart(surface, container, tree, gaps, gap)
+        return moved, np.array([0]) if gap > 0.5 else remaining
+
+    from cortet.geometry.separation import kept_apart
+
+    monkeypatch.setattr(stage, "kept_apart", stubborn)
+    assert told(inner=13.7)[-1].startswith("white keeps 0.5 mm from the surface around it instead of 1 mm")
+    assert tried == [1.0, 0.5]
+    monkeypatch.setattr(stage, "_SHARES", (1.0,))
+    with pytest.raises(Exception, match="1 triangles still cross"):
+        told(inner=13.7)
+
+
+def test_a_repair_is_told_from_half_a_per_cent_of_the_volume_on() -> None:
+    report = {"relative_volume_change": 0.0049, "inner": {"white": {"relative_volume_change": -0.012}}}
+    assert remarks({"repair": report}, {}) == ("repair changed the volume of white by -1.2%",)
+    assert remarks({}, {}) == ()
+
+
+@pytest.mark.parametrize("inner", [14.0, 13.99])
+def test_an_inner_surface_that_is_the_one_around_it_is_refused_with_both_files(inner: float, tmp_path: Path) -> None:
+    """An equal one was certified: all of the region between the two was what had given way."""
+    files = [tmp_path / "lh.pial.surf.gii", tmp_path / "lh.white.surf.gii"]
+    for file, radius in zip(files, (14.0, inner), strict=True):
+        write_surface(ball_surface(4, radius=radius), file)
+    with pytest.raises(InputError, match=rf"{files[0]} and {files[1]}: 100%"):
+        cortet.mesh(files[0], 2.0, inner={"white": files[1]}, progress=False)
+
+
+def test_the_background_of_a_volume_is_told_with_the_certificate() -> None:
+    """Labels in a ball in the middle, of half the volume."""
+    half = np.zeros((40, 40, 40), np.int16)
+    half[np.linalg.norm(np.indices(half.shape) - 19.5, axis=0) < 8] = 1
+    affine = np.array([[1, 0, 0, -19.5], [0, 1, 0, -19.5], [0, 0, 1, -19.5], [0, 0, 0, 1.0]])
+    volume = Volume(half, affine, "labels", file="dseg.nii")
+    made = cortet.mesh(ball_surface(4, radius=10.0), 2.5, volumes={"tissue": volume}, progress=False)
+    (told,) = made.certificate.remarks
+    share = float(told.split()[1].rstrip("%"))
+    assert told.startswith("tissue: ") and told.endswith("of the brain lies where dseg.nii is 0 or holds no label")
+    assert share == pytest.approx(49, abs=2)

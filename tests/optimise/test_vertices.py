@@ -1,0 +1,140 @@
+"""The vertex optimiser: its calculus, its promises about the boundary, and what it reaches."""
+
+import numba
+import numpy as np
+import pytest
+from cubes import cube_mesh
+from shapes import ball_mesh, ball_surface
+
+from cortet.geometry import topology
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.measure.quality import quality, signed_volumes
+from cortet.meshes import TetMesh
+from cortet.optimise import vertices
+from cortet.optimise.star import newton_step, row_derivatives, row_energy, tangent_step
+from cortet.optimise.vertices import FREE, Pass, move_vertices
+
+SPHERE = ball_surface(2, 1.0)
+TREE = surface_tree(SPHERE.points, SPHERE.faces)
+PASSES = [Pass(0, 2, 4), Pass(0.5, 8, 10), Pass(0.3, 16, 10)]
+
+
+@pytest.fixture(scope="module")
+def mesh() -> TetMesh:
+    return ball_mesh()
+
+
+def star_of(mesh: TetMesh, v: int):
+    around = vertices._patches(mesh, np.full(len(mesh.points), FREE, np.int8), topology.boundary_faces(mesh))
+    star = np.empty((64, 8))
+    return star, vertices._gather(mesh.points, around, v, star)
+
+
+def interior_vertex(mesh: TetMesh) -> int:
+    return int(np.setdiff1d(np.arange(len(mesh.points)), topology.boundary_nodes(mesh))[0])
+
+
+@pytest.mark.parametrize("power", [2, 8, 32])
+def test_energy_and_gradient_agree_with_the_definition_of_q(mesh, power):
+    v = interior_vertex(mesh)
+    star, size = star_of(mesh, v)
+    mine = mesh.cells[(mesh.cells == v).any(axis=1)]
+
+    def defined(offset):
+        points = mesh.points.copy()
+        points[v] += offset
+        q = quality(points, mine)
+        return ((1 - q) ** -power).sum()
+
+    offset = np.array([0.01, -0.02, 0.005])
+    assert row_energy(star, size, *offset, power // 2, np.inf) == pytest.approx(defined(offset), rel=1e-12)
+    step = 1e-6
+    differences = [(defined(step * e) - defined(-step * e)) / (2 * step) for e in np.eye(3)]
+    assert row_derivatives(star, size, power // 2)[:3] == pytest.approx(differences, rel=1e-5)
+
+
+def test_newton_steps_solve_the_system_in_space_and_in_the_plane():
+    rng = np.random.default_rng(0)
+    root, g = rng.normal(size=(3, 3)), rng.normal(size=3)
+    hessian = root @ root.T + np.eye(3)
+    flat = (*g, *hessian[np.triu_indices(3)])
+    assert newton_step(flat) == pytest.approx(-np.linalg.solve(hessian, g))
+    normal = np.array([0.36, 0.48, 0.8])
+    basis = np.linalg.svd(normal[None])[2][1:].T
+    expected = -basis @ np.linalg.solve(basis.T @ hessian @ basis, basis.T @ g)
+    assert tangent_step(flat, *normal) == pytest.approx(expected)
+
+
+def test_centre_of_an_icosahedron_returns_to_the_centre():
+    shell = ball_surface(0, 1.0)
+    off = np.array([[0.2, -0.3, 0.1]])
+    cells = np.column_stack([shell.faces[:, [0, 2, 1]], np.full(20, 12)])
+    start = TetMesh(np.vstack([shell.points, off]), cells)
+    assert (signed_volumes(start.points, start.cells) > 0).all()
+    tree = surface_tree(shell.points, shell.faces)
+    moved, _ = move_vertices(start, tree, [Pass(0, 8, 30)], boundary="fixed")
+    assert moved.points[12] == pytest.approx(np.zeros(3), abs=1e-3)
+    assert np.array_equal(moved.points[:12], start.points[:12])
+
+
+@pytest.mark.parametrize("boundary", ["slide", "fixed", "free"])
+def test_worst_element_improves_and_no_volume_turns(mesh, boundary):
+    moved, report = move_vertices(mesh, TREE, PASSES, boundary=boundary)
+    q = quality(moved.points, moved.cells)
+    assert (signed_volumes(moved.points, moved.cells) > 0).all()
+    assert np.array_equal(moved.cells, mesh.cells)
+    assert q.max() < quality(mesh.points, mesh.cells).max()
+    assert (report[-1].q_mean, report[-1].q_max) == pytest.approx((q.mean(), q.max()), abs=1e-12)
+
+
+def test_sliding_reaches_more_than_a_fixed_boundary_and_stays_on_the_surface(mesh):
+    nodes = topology.boundary_nodes(mesh)
+    slid, report = move_vertices(mesh, TREE, PASSES, boundary="slide")
+    fixed, report_fixed = move_vertices(mesh, TREE, PASSES, boundary="fixed")
+    assert report[-1].q_max < report_fixed[-1].q_max
+    assert np.abs(slid.points[nodes] - mesh.points[nodes]).max() > 0.01
+    assert closest_points(TREE, slid.points[nodes]).distances.max() < 1e-12
+    assert np.array_equal(fixed.points[nodes], mesh.points[nodes])
+
+
+def test_held_vertices_stay(mesh):
+    held = topology.boundary_nodes(mesh)[::7]
+    moved, _ = move_vertices(mesh, TREE, PASSES, boundary="slide", held=held)
+    assert np.array_equal(moved.points[held], mesh.points[held])
+
+
+def test_mean_improves_without_giving_up_the_worst(mesh):
+    cleaned, before = move_vertices(mesh, TREE, PASSES, boundary="slide")
+    _, after = move_vertices(cleaned, TREE, [Pass(0, 2, 3, keep=0.3)], boundary="slide")
+    assert after[-1].q_mean < before[-1].q_mean and after[-1].q_max <= before[-1].q_max + 1e-12
+
+
+def test_threshold_leaves_good_elements_alone(mesh):
+    q = quality(mesh.points, mesh.cells)
+    moved, _ = move_vertices(mesh, TREE, [Pass(0.5, 8, 1)], boundary="slide")
+    untouched = np.setdiff1d(np.arange(len(mesh.points)), mesh.cells[q > 0.5])
+    assert np.array_equal(moved.points[untouched], mesh.points[untouched])
+
+
+@pytest.mark.parametrize("boundary", ["free", "slide"])
+def test_the_same_bits_for_any_number_of_threads(boundary):
+    mesh = cube_mesh(16, jitter=0.2)
+    surface, _ = topology.boundary_surface(mesh)
+    tree, results = surface_tree(surface.points, surface.faces), []
+    for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
+        numba.set_num_threads(threads)
+        results.append(move_vertices(mesh, tree, PASSES, boundary=boundary)[0].points)
+    assert np.array_equal(*results) and not np.array_equal(results[0], mesh.points)
+
+
+def test_runs_of_one_colour_share_no_tetrahedron():
+    mesh = cube_mesh(16)
+    colours = vertices._colours(
+        vertices._patches(mesh, np.full(len(mesh.points), vertices.FREE, np.int8), topology.boundary_faces(mesh))
+    )
+    runs = np.concatenate(colours)
+    assert np.array_equal(np.sort(runs), np.arange(-(-len(mesh.points) // vertices._RUN)))
+    assert 1 < len(colours) < len(runs)
+    for same in colours:
+        for cell in mesh.cells // vertices._RUN:
+            assert len(set(cell) & set(same)) < 2

@@ -1,0 +1,114 @@
+"""Each convention of solvers that a mesh breaks is named, and no other; nothing is written then."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from exported import full_mesh
+
+from cortet.errors import StageError
+from cortet.meshes import MeshSets, TetMesh
+from cortet.solver_files.conventions import broken_conventions
+from cortet.solver_files.export import export
+
+
+def swapped_node_pair(mesh: TetMesh) -> TetMesh:
+    cells = mesh.cells.copy()
+    cells[4, :2] = cells[4, 1::-1]
+    return replace(mesh, cells=cells)
+
+
+def wrong_sign(mesh: TetMesh) -> TetMesh:
+    return replace(mesh, cells=mesh.cells[:, [0, 1, 3, 2]])
+
+
+def inward_face(mesh: TetMesh) -> TetMesh:
+    faces = mesh.sets.faces["cortical_surface"].copy()
+    faces[7] = faces[7, ::-1]
+    return with_cortical_faces(mesh, faces)
+
+
+def missing_face(mesh: TetMesh) -> TetMesh:
+    return with_cortical_faces(mesh, np.delete(mesh.sets.faces["cortical_surface"], 7, axis=0))
+
+
+def repeated_face(mesh: TetMesh) -> TetMesh:
+    faces = mesh.sets.faces["cortical_surface"]
+    return with_cortical_faces(mesh, np.concatenate([faces, faces[:1]]))
+
+
+def inner_face(mesh: TetMesh) -> TetMesh:
+    deepest = next(cell for cell in mesh.cells if len(mesh.points) - 1 in cell)
+    return with_cortical_faces(mesh, np.concatenate([mesh.sets.faces["cortical_surface"], [deepest[:3]]]))
+
+
+def with_cortical_faces(mesh: TetMesh, faces: np.ndarray) -> TetMesh:
+    """Only the division of the surface, with other faces of the cortical surface."""
+    parts = {"cortical_surface": faces, "medial_wall": mesh.sets.faces["medial_wall"]}
+    return replace(mesh, sets=MeshSets({}, parts, {}))
+
+
+def interior_node_first(mesh: TetMesh) -> TetMesh:
+    """The first and the last node change their numbers."""
+    number = np.arange(len(mesh.points), dtype=np.int32)
+    number[[0, -1]] = number[[-1, 0]]
+    return TetMesh(
+        mesh.points[number],
+        number[mesh.cells],
+        {name: values[number] for name, values in mesh.point_data.items()},
+        sets=MeshSets(
+            {name: np.sort(number[nodes]) for name, nodes in mesh.sets.nodes.items()},
+            {name: number[faces] for name, faces in mesh.sets.faces.items()},
+            mesh.sets.cells,
+        ),
+    )
+
+
+def node_missing_from_a_set(mesh: TetMesh) -> TetMesh:
+    nodes = {**mesh.sets.nodes, "cortical_surface": mesh.sets.nodes["cortical_surface"][1:]}
+    return replace(mesh, sets=replace(mesh.sets, nodes=nodes))
+
+
+def element_in_no_region(mesh: TetMesh) -> TetMesh:
+    return replace(mesh, sets=replace(mesh.sets, cells={**mesh.sets.cells, "core": mesh.sets.cells["core"][1:]}))
+
+
+def field_not_finite(mesh: TetMesh) -> TetMesh:
+    values = mesh.point_data["thickness"].copy()
+    values[3] = np.nan
+    return replace(mesh, point_data={**mesh.point_data, "thickness": values})
+
+
+def test_a_whole_mesh_breaks_nothing() -> None:
+    assert broken_conventions(full_mesh()) == []
+
+
+@pytest.mark.parametrize(
+    ("breakage", "word"),
+    [
+        (swapped_node_pair, "number 5"),
+        (wrong_sign, "384 of 384"),
+        (inward_face, "inward.* number 8"),
+        (missing_face, "1 .*missing"),
+        (repeated_face, "1 .*more than once"),
+        (inner_face, "not boundary faces"),
+        (interior_node_first, "node 125"),
+        (node_missing_from_a_set, "cortical_surface.* 1 nodes"),
+        (element_in_no_region, "1 tetrahedra.*region"),
+        (field_not_finite, "thickness.*finite"),
+    ],
+)
+def test_each_broken_convention_is_named_and_nothing_is_written(
+    breakage: Callable[[TetMesh], TetMesh], word: str, tmp_path: Path
+) -> None:
+    broken = breakage(full_mesh())
+    found = broken_conventions(broken)
+    assert re.search(word, found[0]) and (len(found) == 1 or breakage in (swapped_node_pair, wrong_sign)), found
+    with pytest.raises(StageError, match=word):
+        export(broken, tmp_path / "m.inp", solver="abaqus", certificate={"certified": True})
+    assert not list(tmp_path.iterdir())

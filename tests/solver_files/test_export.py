@@ -1,0 +1,203 @@
+"""Only certified meshes are exported, only files that keep their solver's conventions; each says what it is."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from exported import full_mesh
+from shapes import ball_mesh, ball_surface
+
+from cortet.api.meshing import tetrahedra
+from cortet.errors import InputError, StageError
+from cortet.formats import FORMATS, format_of, read_mesh, stl, vtu
+from cortet.formats.gifti import read_surface
+from cortet.measure.quality import quality
+from cortet.meshes import CoordinateFrame, MeshSets, TetMesh
+from cortet.solver_files.export import convert, export
+from cortet.solver_files.fields import FieldSource
+from cortet.stages.solver_ready import surface_nodes_first
+
+CERTIFIED = {"certified": True, "reasons": []}
+REFUSED = {"certified": False, "reasons": ["worst q 0.8 must be below 0.6"]}
+
+
+def test_an_uncertified_mesh_is_written_only_on_demand(tmp_path: Path) -> None:
+    mesh, _ = surface_nodes_first(ball_mesh())
+    with pytest.raises(StageError, match="worst q 0.8"):
+        export(mesh, tmp_path / "ball.mesh", solver="braingrowth", certificate=REFUSED)
+    assert not list(tmp_path.iterdir())
+    export(mesh, tmp_path / "ball.mesh", solver="braingrowth", certificate=REFUSED, uncertified=True)
+    assert (tmp_path / "ball.mesh").exists()
+
+
+def test_the_sidecar_says_what_is_in_the_file_and_where_it_came_from(tmp_path: Path) -> None:
+    source = tmp_path / "thickness.shape.gii"
+    source.write_bytes(b"values")
+    sources = {
+        "thickness": FieldSource(str(source), hashlib.sha256(b"values").hexdigest(), "mm", "scalar", {}),
+        "area": FieldSource("area.label.gii", "0" * 64, "unknown", "label", {0: "Medial wall"}),
+    }
+    frame = CoordinateFrame("NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_TALAIRACH")
+    mesh, path = full_mesh(), tmp_path / "m.pts"
+    export(
+        mesh, path, solver="carp", certificate=CERTIFIED, unit="um", frame=frame, sources=sources, interior="harmonic"
+    )
+    record = json.loads((tmp_path / "m.pts.json").read_text())
+    assert record["format"] == "carp" and record["units"] == {"coordinates": "um"}
+    assert record["coordinate_system"]["dataspace"] == "NIFTI_XFORM_SCANNER_ANAT"
+    assert record["files"]["m.elem"] == hashlib.sha256((tmp_path / "m.elem").read_bytes()).hexdigest()
+    assert set(record["files"]) == {file.name for file in tmp_path.iterdir()} - {"m.pts.json", source.name}
+    assert record["volume_mm3"] == pytest.approx(8.0**3) and record["surface_area_mm2"] == pytest.approx(6 * 8.0**2)
+    assert record["sets"]["nodes"]["medial_wall"] == len(mesh.sets.nodes["medial_wall"])
+    assert record["sets"]["cells"].keys() == {"core", "cortex"}
+    thickness, area = record["fields"]["thickness"], record["fields"]["area"]
+    assert (thickness["source"], thickness["units"]) == (str(source), "mm")
+    assert thickness["source_sha256"] == hashlib.sha256(b"values").hexdigest()
+    assert (thickness["boundary"], thickness["interior"]) == ("barycentric", "harmonic")
+    assert (area["boundary"], area["interior"]) == ("label of the largest barycentric weight", "nearest")
+    assert record["fields"]["normal"]["units"] == "unknown" and record["fields"]["normal"]["components"] == 3
+
+
+def test_an_export_replaces_all_files_of_an_earlier_one(tmp_path: Path) -> None:
+    path = tmp_path / "m.pts"
+    export(full_mesh(), path, solver="carp", certificate=CERTIFIED)
+    assert (tmp_path / "m.area_V1.vtx").exists() and (tmp_path / "m.thickness.dat").exists()
+    export(surface_nodes_first(ball_mesh())[0], path, solver="carp", certificate=CERTIFIED)
+    assert sorted(file.name for file in tmp_path.iterdir()) == [
+        "m.elem",
+        "m.lon",
+        "m.pts",
+        "m.pts.json",
+        "m.regions.tsv",
+    ]
+
+
+@pytest.mark.parametrize("solver", [name for name, form in FORMATS.items() if form.has_q])
+def test_files_for_viewers_have_q_measured_anew(solver: str, tmp_path: Path) -> None:
+    mesh = full_mesh()
+    vtu.write(replace(mesh, cell_data={**mesh.cell_data, "q": np.ones(len(mesh.cells))}), tmp_path / "m.vtu")
+    file = tmp_path / f"n{FORMATS[solver].suffix}"
+    convert(tmp_path / "m.vtu", file, source_unit="mm")
+    assert np.array_equal(read_mesh(file).cell_data["q"], quality(mesh.points, mesh.cells).astype(np.float32))
+    told = convert(file, tmp_path / "o.inp", source_unit="mm")
+    assert not any("q" in re.split(", |: ", line) for line in told) and "q" not in tetrahedra(file).cell_data
+
+
+@pytest.mark.parametrize("target", [name for name, form in FORMATS.items() if name != "vtu"])
+def test_every_format_is_made_of_another_and_what_it_lacks_is_told(tmp_path: Path, target: str) -> None:
+    source = tmp_path / "m.xdmf"
+    frame = CoordinateFrame("NIFTI_XFORM_SCANNER_ANAT")
+    sources = {"thickness": FieldSource("thickness.shape.gii", "0" * 64, "mm", "scalar", {})}
+    export(
+        full_mesh(), source, solver="fenics", certificate=CERTIFIED, frame=frame, sources=sources, interior="nearest"
+    )
+    path = tmp_path / f"n{FORMATS[target].suffix}"
+    lacking = {
+        "braingrowth": ["fields of the nodes", "sets of tetrahedra"],
+        "gmsh": ["sets of nodes", "area"],
+        "nastran": ["fields of the nodes", "sets of nodes", "area"],
+        "carp": ["area"],
+    }.get(target, [])
+    told = " ".join(convert(source, path, unit="mm", source_unit="mm"))
+    assert all(what in told for what in lacking) and bool(told) == bool(lacking)
+    record = json.loads(path.with_name(path.name + ".json").read_text())
+    assert record["coordinate_system"]["dataspace"] == "NIFTI_XFORM_SCANNER_ANAT"
+    assert record["units"] == {"coordinates": "mm"}
+    if "thickness" in record["fields"]:
+        assert record["fields"]["thickness"]["source"] == "thickness.shape.gii"
+
+
+@pytest.mark.parametrize("target", ["carp", "abaqus", "febio"])
+def test_fields_of_tetrahedra_that_a_format_cannot_hold_are_told(tmp_path: Path, target: str) -> None:
+    mesh = full_mesh()
+    vtu.write(replace(mesh, cell_data={**mesh.cell_data, "stiffness": np.ones(len(mesh.cells))}), tmp_path / "m.vtu")
+    told = convert(tmp_path / "m.vtu", tmp_path / f"n{FORMATS[target].suffix}", source_unit="mm")
+    assert any("fields of the tetrahedra: stiffness" in line for line in told)
+
+
+def test_conversion_renumbers_and_names_sets_where_they_are_missing(tmp_path: Path) -> None:
+    mesh, _ = surface_nodes_first(ball_mesh())
+    last = len(mesh.points) - 1
+    swap = np.r_[last, np.arange(1, last), 0]
+    vtu.write(TetMesh(mesh.points[swap], swap[mesh.cells]), tmp_path / "m.vtu")
+    done = convert(tmp_path / "m.vtu", tmp_path / "m.inp", source_unit="mm")
+    assert done == ["nodes were renumbered, those of the surface first", "it has no sets: the default ones were made"]
+
+
+def test_a_vtu_file_keeps_all_sets_on_the_way_to_another_format(tmp_path: Path) -> None:
+    mesh = full_mesh()
+    export(mesh, tmp_path / "m.vtu", solver="vtu", certificate=CERTIFIED)
+    assert convert(tmp_path / "m.vtu", tmp_path / "m.inp", source_unit="mm") == []
+    found = read_mesh(tmp_path / "m.inp").sets
+    assert {name: len(cells) for name, cells in found.cells.items() if name in mesh.sets.cells} == {
+        name: len(cells) for name, cells in mesh.sets.cells.items()
+    }
+    surfaces = re.findall(r"\*SURFACE, TYPE=ELEMENT, NAME=(\w+)", (tmp_path / "m.inp").read_text())
+    assert surfaces == [*mesh.sets.faces]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "written"),
+    [(".inp", ("dicke,", "dicke_2,", "NSET=grosse")), (".feb", ('"dicke"', '"dicke_2"', '"grosse"'))],
+)
+def test_names_in_other_letters_become_plain_ones_and_this_is_told(
+    tmp_path: Path, suffix: str, written: tuple[str, ...]
+) -> None:
+    mesh = surface_nodes_first(ball_mesh(2))[0]
+    fields = {"dïcke": np.ones(len(mesh.points)), "dicke": np.zeros(len(mesh.points))}
+    sets = MeshSets({"größe": np.arange(3, dtype=np.int32)})
+    vtu.write(replace(mesh, point_data=fields, sets=sets), tmp_path / "m.vtu")
+    told = convert(tmp_path / "m.vtu", tmp_path / f"n{suffix}", source_unit="mm")
+    assert {"dïcke is called dicke", "dicke is called dicke_2", "größe is called grosse"} <= set(told)
+    text = "".join(file.read_text() for file in tmp_path.glob(f"n*{suffix}"))
+    assert [name for name in written if name not in text] == []
+    with pytest.raises(InputError, match="größe"):
+        format_of(tmp_path / f"n{suffix}").write(replace(mesh, sets=sets), tmp_path / f"o{suffix}")
+
+
+def test_sets_of_a_mesh_without_faces_are_kept(tmp_path: Path) -> None:
+    """As of a VTU file that another program wrote: sets of nodes and tetrahedra, none of faces."""
+    mesh = full_mesh()
+    vtu.write(replace(mesh, sets=MeshSets(mesh.sets.nodes, {}, mesh.sets.cells)), tmp_path / "m.vtu")
+    assert convert(tmp_path / "m.vtu", tmp_path / "m.inp", source_unit="mm") == [
+        "sets of faces were made of its sets of nodes"
+    ]
+    found = read_mesh(tmp_path / "m.inp").sets
+    for name in mesh.sets.nodes.keys() - {"cortical_surface"}:  # without faces its rim is that of the medial wall
+        assert np.array_equal(found.nodes[name], mesh.sets.nodes[name]), name
+    for name, cells in mesh.sets.cells.items():
+        assert np.array_equal(found.cells[name], cells)
+
+
+def test_a_surface_becomes_no_mesh(tmp_path: Path) -> None:
+    stl.write(ball_surface(1), tmp_path / "ball.stl")
+    convert(tmp_path / "ball.stl", tmp_path / "ball.surf.gii")
+    assert len(read_surface(tmp_path / "ball.surf.gii").faces) == 80
+    with pytest.raises(InputError, match="holds a surface"):
+        convert(tmp_path / "ball.stl", tmp_path / "ball.inp")
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("m", 1e-3), ("cm", 0.1), ("um", 1e3)])
+def test_a_foreign_mesh_in_another_unit_is_refused_until_its_unit_is_named(
+    tmp_path: Path, unit: str, factor: float
+) -> None:
+    ball = ball_mesh(2, radius=20.0)
+    vtu.write(replace(ball, points=factor * ball.points), tmp_path / "foreign.vtu")
+    with pytest.raises(InputError, match="foreign.vtu: .*--source-unit") as caught:
+        convert(tmp_path / "foreign.vtu", tmp_path / "x.inp")
+    assert f" {unit}" in caught.value.remedy
+    convert(tmp_path / "foreign.vtu", tmp_path / "x.vtu", source_unit=unit)
+    assert np.allclose(vtu.read(tmp_path / "x.vtu").points, ball.points, rtol=1e-6)
+
+
+def test_inverted_tetrahedra_of_a_foreign_mesh_are_those_of_the_input(tmp_path: Path) -> None:
+    ball = ball_mesh(2, radius=20.0)
+    vtu.write(replace(ball, cells=ball.cells[:, [1, 0, 2, 3]]), tmp_path / "foreign.vtu")
+    with pytest.raises(InputError, match="foreign.vtu: .*inverted.*cortet improve"):
+        convert(tmp_path / "foreign.vtu", tmp_path / "x.inp")

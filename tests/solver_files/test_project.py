@@ -1,0 +1,468 @@
+"""Results of solvers on the surface: what is read, matched and refused, and the file that comes out."""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import subprocess
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import meshio
+import nibabel as nib
+import numpy as np
+import pytest
+import pyvista
+from numpy.typing import NDArray
+from scipy.sparse import load_npz
+from shapes import ball_surface
+
+from cortet.cli import main
+from cortet.formats import braingrowth, vtu
+from cortet.formats.gifti import read_surface, write_fields, write_surface
+from cortet.meshes import TetMesh, TriSurface
+from cortet.solver_files.common_sphere import Parcels
+from cortet.solver_files.results import invariants
+
+RADIUS = 14.0
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a surface and its mesh."""
+    folder = tmp_path_factory.mktemp("made")
+    write_surface(ball_surface(3, RADIUS), path := folder / "x.surf.gii")
+    image = nib.load(path)
+    image.meta["AnatomicalStructurePrimary"] = "CortexLeft"
+    path.write_bytes(image.to_xml())
+    command = ["mesh", str(path), "--ga", "28", "--cell-size", "3.5"]
+    assert main([*command, "-o", str(folder / "x.vtu")]) == 0
+    return folder
+
+
+@pytest.fixture
+def folder(source: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    for file in source.iterdir():
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def mesh(folder: Path) -> TetMesh:
+    return vtu.read(folder / "x.vtu")
+
+
+def fields(mesh: TetMesh) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
+    """Fields of nodes, and of tetrahedra."""
+    stress = np.zeros((len(mesh.cells), 9))
+    stress[:, [0, 4, 8]] = [3.0, 1.0, -1.0]
+    return {"u": mesh.points, "T": mesh.points[:, 2]}, {"S": stress, "e": np.ones(len(mesh.cells))}
+
+
+def grid(points: NDArray[np.float64], cells: NDArray[np.integer]) -> pyvista.UnstructuredGrid:
+    return pyvista.UnstructuredGrid({pyvista.CellType.TETRA: cells}, points)
+
+
+def write(mesh: TetMesh, path: Path | str, *, order: NDArray[np.intp] | None = None, scale: float = 1.0) -> None:
+    """A result with the nodes in an order and the tetrahedra in the reverse one."""
+    of_nodes, of_cells = fields(mesh)
+    order = np.arange(len(mesh.points)) if order is None else order
+    made = grid(mesh.points[order] * scale, np.argsort(order)[mesh.cells][::-1])
+    for name, values in of_nodes.items():
+        made.point_data[name] = values[order]
+    for name, values in of_cells.items():
+        made.cell_data[name] = values[::-1]
+    made.save(path)
+
+
+def arrays(path: Path | str) -> dict[str, NDArray[np.float64]]:
+    return {one.meta["Name"]: one.data for one in nib.load(path).darrays}
+
+
+def project(*words: str) -> int:
+    try:
+        return main(["project", *words])
+    except SystemExit as stop:
+        return int(stop.code or 0)
+
+
+def projected(result: str, *words: str, mesh: str = "x.vtu", out: str = "r.func.gii") -> dict[str, NDArray[np.float64]]:
+    """The arrays that the command makes of a result."""
+    assert project(result, "--mesh", mesh, "-o", out, "--force", *words) == 0
+    return arrays(out)
+
+
+def heights() -> NDArray[np.float64]:
+    """z of the vertices of the surface, mm."""
+    return np.asarray(read_surface("x.surf.gii").points[:, 2])
+
+
+def test_all_fields_come_back_by_their_names(folder: Path, mesh: TetMesh) -> None:
+    write(mesh, "r.vtu")
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    found = projected("r.vtu")
+    assert all((folder / name).read_bytes() == content for name, content in before.items() if name[0] != ".")
+    assert all(values.shape == (642,) and values.dtype == np.float32 for values in found.values())
+    points = read_surface("x.surf.gii").points
+    assert np.abs(np.stack([found[f"u_{axis}"] for axis in (1, 2, 3)], axis=1) - points).max() < 1.0
+    assert np.array_equal(found["T"], found["u_3"]) and found["e"] == pytest.approx(1)
+    invariant = {"principal_1": 3, "principal_2": 1, "principal_3": -1, "pressure": -1, "von_mises": np.sqrt(12)}
+    assert all(found[f"S_{name}"] == pytest.approx(value) for name, value in invariant.items())
+    assert dict(nib.load("r.func.gii").meta) == {"AnatomicalStructurePrimary": "CortexLeft"}
+    assert not set(found) & {"cortical_surface", "core", "cortex"}
+
+
+def test_another_order_and_unit_give_the_same(mesh: TetMesh) -> None:
+    write(mesh, "r.vtu")
+    write(mesh, "other.vtu", order=np.random.default_rng(0).permutation(len(mesh.points)), scale=1e-3)
+    one, other = projected("r.vtu"), projected("other.vtu", out="other.func.gii")
+    assert one.keys() == other.keys()
+    assert all(np.array_equal(one[name], other[name]) for name in one)
+
+
+def test_depth_is_one_or_a_range(mesh: TetMesh) -> None:
+    write(mesh, "r.vtu")
+    for depth, middle in (("2", 2), ("1:5", 3)):
+        assert np.abs(projected("r.vtu", "--depth", depth)["T"] - (1 - middle / RADIUS) * heights()).max() < 0.25
+    for depth in ("5:1", "1:2:3", "-1", "deep"):
+        assert project("r.vtu", "--mesh", "x.vtu", "--depth", depth, "-o", "r.func.gii") == 2
+    assert np.isnan(projected("r.vtu", "--depth", "99")["T"]).all()
+
+
+def series(mesh: TetMesh, path: str, times: Sequence[float] = (0.5, 1.0)) -> None:
+    with meshio.xdmf.TimeSeriesWriter(path) as writer:
+        writer.write_points_cells(mesh.points, [("tetra", mesh.cells)])
+        for number, time in enumerate(times, start=1):
+            values = number / 2 * mesh.points[:, 2]
+            writer.write_data(time, point_data={"T": values}, cell_data={"e": [np.full(len(mesh.cells), number / 2)]})
+
+
+def collection(mesh: TetMesh, path: str, times: Sequence[float] = (0.5, 1.0)) -> None:
+    entries = []
+    for number, time in enumerate(times, start=1):
+        made = grid(mesh.points, mesh.cells)
+        made.point_data["T"], made.cell_data["e"] = number / 2 * mesh.points[:, 2], np.full(len(mesh.cells), number / 2)
+        made.save(f"step{number}.vtu")
+        entries.append(f'<DataSet timestep="{time!r}" file="step{number}.vtu"/>')
+    text = "".join(entries)
+    Path(path).write_text(f'<VTKFile type="Collection" version="0.1"><Collection>{text}</Collection></VTKFile>')
+
+
+@pytest.mark.parametrize(("name", "make"), [("r.xdmf", series), ("r.pvd", collection)])
+@pytest.mark.parametrize(
+    ("times", "names"), [((0.5, 1.0), ["0.5", "1"]), ((1.0, 1 + 1e-11), ["0", "1"]), ((0.0, 1.0, 1.0), ["0", "1", "2"])]
+)
+def test_a_series_has_an_array_for_each_time_or_else_for_each_step(
+    mesh: TetMesh, name: str, make: Callable[..., None], times: Sequence[float], names: list[str]
+) -> None:
+    make(mesh, name, times)
+    if name == "r.pvd" and len(times) == 3:  # two files that say they are of one time
+        assert project(name, "--mesh", "x.vtu", "-o", "r.func.gii") == 1
+        return
+    found = projected(name)
+    assert sorted(found) == sorted(f"{field}_{of}" for field in "Te" for of in names)
+    for number, of in enumerate(names, start=1):
+        assert found[f"e_{of}"] == pytest.approx(number / 2)
+        assert np.abs(found[f"T_{of}"] - number / 2 * heights()).max() < 1.0
+
+
+@pytest.mark.parametrize("name", ["r.vtk", "r.xdmf", "r.msh", "r.med"])
+def test_what_meshio_writes_is_read(mesh: TetMesh, folder: Path, name: str) -> None:
+    made = meshio.Mesh(mesh.points, [("tetra", mesh.cells)], {"T": mesh.points[:, 2].copy()})
+    made.write(name, **({"file_format": "gmsh"} if name == "r.msh" else {}))
+    (only,) = (values for key, values in projected(name).items() if key.startswith("T"))
+    assert np.abs(only - heights()).max() < 1.0
+
+
+def test_midside_nodes_and_other_cells_are_left_out(mesh: TetMesh, folder: Path) -> None:
+    assert main(["quadratic", "x.vtu", "-o", "ten.vtu"]) == 0
+    ten = pyvista.read("ten.vtu")
+    ten.point_data["T"] = ten.points[:, 2]
+    ten.cell_data["e"] = np.ones(ten.n_cells)
+    ten.save("r.vtu")
+    assert ten.n_points > len(mesh.points)
+    found = projected("r.vtu")
+    assert found["e"] == pytest.approx(1) and np.abs(found["T"] - heights()).max() < 1.0
+
+
+def fewer(mesh: TetMesh) -> None:
+    used, cells = np.unique(mesh.cells[10:-200], return_inverse=True)
+    grid(mesh.points[used], cells.reshape(-1, 4)).save("r.vtu")
+
+
+#: what is done to a result, its mesh or its surface, and which file the error names with which word
+WRONG: dict[str, tuple[Callable[[TetMesh], object], str]] = {
+    "moved": (
+        lambda mesh: grid(mesh.points + 0.5 * (mesh.points[:, :1] > 0), mesh.cells).save("r.vtu"),
+        "r.vtu.*moved",
+    ),
+    "grown": (lambda mesh: grid(1.1 * mesh.points, mesh.cells).save("r.vtu"), "r.vtu.*1.1 times"),
+    "fewer nodes": (fewer, "r.vtu.* nodes"),
+    "no fields": (lambda mesh: grid(mesh.points, mesh.cells).save("r.vtu"), "r.vtu.*no field"),
+    "cut off": (lambda _: Path("r.vtu").write_bytes(Path("r.vtu").read_bytes()[:300]), "r.vtu"),
+    "mesh changed": (lambda _: Path("x.vtu").write_bytes(Path("x.vtu").read_bytes() + b"\n"), "x.vtu.*changed"),
+    "no sidecar": (lambda _: Path("x.vtu.json").unlink(), "x.vtu.*--surface"),
+    "another surface": (lambda _: write_surface(ball_surface(3, RADIUS + 1), "x.surf.gii"), "x.surf.gii.*--surface"),
+    "no surface": (lambda _: Path("x.surf.gii").unlink(), "x.surf.gii.*--surface"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_does_not_belong_together_is_refused(
+    mesh: TetMesh, folder: Path, capfd: pytest.CaptureFixture[str], case: str
+) -> None:
+    write(mesh, "r.vtu")
+    make, word = WRONG[case]
+    make(mesh)
+    assert project("r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii") == 1
+    said = capfd.readouterr().err.strip().splitlines()[-1]
+    assert said.startswith("cortet: ") and re.search(word, said), said
+    assert not list(folder.glob("*r.func.gii*"))
+
+
+def test_exodus_is_refused_with_what_to_do(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("r.e").write_bytes(b"CDF\1")
+    assert project("r.e", "--mesh", "x.vtu", "-o", "r.func.gii") == 1
+    assert re.search("r.e: .*Exodus.*ParaView", capsys.readouterr().err)
+
+
+def test_a_named_surface_takes_the_place_of_that_of_the_sidecar(
+    mesh: TetMesh, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(mesh, "r.vtu")
+    own = projected("r.vtu", out="own.func.gii")["T"]
+    write_surface(ball_surface(3, 3 * RADIUS), "inflated.surf.gii")
+    assert np.array_equal(projected("r.vtu", "--surface", "inflated.surf.gii")["T"], own)
+    write_surface(ball_surface(2, RADIUS), "coarse.surf.gii")
+    assert len(projected("r.vtu", "--surface", "coarse.surf.gii")["T"]) == 162
+    write_surface(ball_surface(2, 2 * RADIUS), "far.surf.gii")
+    assert project("r.vtu", "--mesh", "x.vtu", "--surface", "far.surf.gii", "-o", "far.func.gii") == 1
+    assert "far.surf.gii" in capsys.readouterr().err
+    Path("x.vtu.json").unlink()
+    assert projected("r.vtu", "--surface", "x.surf.gii")["T"] == pytest.approx(own, abs=0.1)
+
+
+def test_an_inner_surface_and_another_unit_are_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    surfaces = {"outer": ball_surface(3, RADIUS), "inner": ball_surface(3, 8.0)}
+    for name, surface in surfaces.items():
+        write_surface(TriSurface(surface.points / 1000, surface.faces), f"{name}.surf.gii")
+    Path("unit.yaml").write_text("gate: {unit: m}\n")
+    words = ["mesh", "outer.surf.gii", "--inner", "inner.surf.gii", "--cell-size", "2.5", "--config", "unit.yaml"]
+    assert main([*words, "-o", "two.vtu"]) == 0
+    write(vtu.read("two.vtu"), "r.vtu")
+    for name, options in (("outer", []), ("inner", ["--surface", "inner.surf.gii"])):
+        found = projected("r.vtu", *options, mesh="two.vtu")
+        assert np.abs(found["u_1"] - surfaces[name].points[:, 0]).max() < 1.0
+
+
+def test_an_input_is_never_written(mesh: TetMesh, folder: Path) -> None:
+    write(mesh, "r.gii.vtu")
+    Path("r.vtu").write_bytes(Path("r.gii.vtu").read_bytes())
+    before = Path("x.surf.gii").read_bytes()
+    assert project("r.vtu", "--mesh", "x.vtu", "--force", "-o", "x.surf.gii") == 1
+    assert Path("x.surf.gii").read_bytes() == before
+    assert project("r.vtu", "--mesh", "x.vtu", "-o", "r.vtu") == 2
+
+
+def test_invariants_are_those_of_the_textbook() -> None:
+    random = np.random.default_rng(0).normal(size=(5, 3, 3))
+    tensors = random + np.swapaxes(random, 1, 2)
+    found = invariants(np.concatenate([tensors, np.full((1, 3, 3), np.nan)]))
+    deviator = tensors - np.trace(tensors, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
+    assert found["von_mises"][:5] == pytest.approx(np.sqrt(1.5 * (deviator**2).sum(axis=(1, 2))))
+    assert found["pressure"][:5] == pytest.approx(-np.trace(tensors, axis1=1, axis2=2) / 3)
+    assert found["principal_1"][:5] == pytest.approx(np.linalg.eigvalsh(tensors)[:, 2])
+    assert all(np.isnan(values[5]) for values in found.values())
+
+
+def test_tensors_are_known_by_their_numbers(mesh: TetMesh, folder: Path) -> None:
+    made = grid(mesh.points, mesh.cells)
+    made.point_data["s"] = np.tile([1.0, 2, 3, 4, 5, 6], (len(mesh.points), 1))
+    made.point_data["s_pressure"] = np.full(len(mesh.points), 7.0)
+    made.point_data["F"] = np.tile(np.arange(9.0), (len(mesh.points), 1))
+    made.save("r.vtu")
+    found = projected("r.vtu")
+    assert found["s_principal_1"][0] == pytest.approx(np.linalg.eigvalsh([[1, 4, 6], [4, 2, 5], [6, 5, 3]])[2])
+    assert "F_9" in found and "F_pressure" not in found
+    assert found["s_pressure"] == pytest.approx(7) and found["s_pressure_2"] == pytest.approx(-2)
+
+
+def test_a_node_that_does_not_exist_and_a_reader_that_breaks_down_are_refused(
+    mesh: TetMesh, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of damaged `.vtk` files, 4 in 10 end VTK with a signal."""
+    made = grid(mesh.points, mesh.cells)
+    made.point_data["T"] = mesh.points[:, 2]
+    made.save("r.vtk", binary=False)
+    head, mark, rest = Path("r.vtk").read_text().partition("CONNECTIVITY vtktypeint64\n")
+    Path("r.vtk").write_text(head + mark + rest.replace(rest.split()[0], "4000000", 1))
+    words = ["r.vtk", "--mesh", "x.vtu", "-o", "r.func.gii"]
+    assert mark and project(*words) == 1
+    assert re.search("^cortet: r.vtk: ", capsys.readouterr().err)
+    broken = subprocess.CompletedProcess([], -signal.SIGSEGV, "", "")
+    monkeypatch.setattr("cortet.formats.child.run", lambda *_, **__: broken)
+    assert project(*words) == 1
+    assert re.search("r.vtk.*SIGSEGV", capsys.readouterr().err)
+    assert not Path("r.func.gii").exists()
+
+
+# --- relative depth, parcels, the common sphere, matrices
+
+
+def test_a_relative_depth_is_a_part_of_the_thickness(folder: Path, mesh: TetMesh) -> None:
+    write(mesh, "r.vtu")
+    half = projected("r.vtu", "--depth", "50%", "--thickness", "4")["T"]
+    assert half == pytest.approx(projected("r.vtu", "--depth", "2")["T"])
+    over = projected("r.vtu", "--depth", "0:100%", "--thickness", "4")["T"]
+    high = np.abs(heights()) > 4
+    assert np.median(over[high] / heights()[high]) == pytest.approx(1 - 2 / RADIUS, abs=0.02)
+    assert project("r.vtu", "--mesh", "x.vtu", "-o", "no.func.gii", "--depth", "50%") == 1
+    assert not Path("no.func.gii").exists()
+
+
+def test_the_thickness_of_the_mesh_differs_from_vertex_to_vertex(folder: Path, mesh: TetMesh) -> None:
+    x = read_surface("x.surf.gii").points[:, 0]
+    write_fields({"thickness": np.where(x > 0, 2.0, 6.0)}, "t.shape.gii")
+    made = ["mesh", "x.surf.gii", "--ga", "28", "--cell-size", "3.5", "--field", "thickness=t.shape.gii", "-o", "t.vtu"]
+    assert main(made) == 0
+    write(vtu.read("t.vtu"), "r.vtu")
+    found = projected("r.vtu", "--depth", "50%", mesh="t.vtu")
+    below = np.linalg.norm(np.column_stack([found[f"u_{k}"] for k in (1, 2, 3)]), axis=1)
+    assert np.median(below[x > 4]) == pytest.approx(RADIUS - 1, abs=0.1)
+    assert np.median(below[x < -4]) == pytest.approx(RADIUS - 3, abs=0.1)
+
+
+def parcel_rows() -> list[list[str]]:
+    return [line.split("\t") for line in Path("r.parcels.tsv").read_text().splitlines()]
+
+
+def test_parcels_have_their_means_in_a_table(folder: Path, mesh: TetMesh) -> None:
+    write(mesh, "r.vtu")
+    write_fields({"half": (heights() > 0).astype(np.int32)}, "p.label.gii")
+    projected("r.vtu", "--parcels", "p.label.gii")
+    head, *rows = parcel_rows()
+    assert head == ["parcel", "field", "value"]
+    means = {(parcel, name): float(mean) for parcel, name, mean in rows}
+    # the mean height of half a sphere is half its radius
+    assert (means["1", "T"], means["0", "T"]) == pytest.approx((RADIUS / 2, -RADIUS / 2), rel=0.12)
+    write_fields({"half": np.zeros(7, np.int32)}, "wrong.label.gii")
+    assert project("r.vtu", "--mesh", "x.vtu", "-o", "w.func.gii", "--parcels", "wrong.label.gii") == 1
+
+
+def test_the_result_goes_to_a_common_sphere(folder: Path, mesh: TetMesh) -> None:
+    write(mesh, "r.vtu")
+    write_surface(ball_surface(3, 100.0), "own.surf.gii")
+    write_surface(ball_surface(2, 100.0), "t.surf.gii")
+    found = projected("r.vtu", "--sphere", "own.surf.gii", "--template-sphere", "t.surf.gii")
+    assert found["T"] == pytest.approx(ball_surface(2, RADIUS).points[:, 2], abs=0.5)
+    for wrong in (["--sphere", "t.surf.gii", "--template-sphere", "own.surf.gii"], ["--sphere", "own.surf.gii"]):
+        assert project("r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii", *wrong, "--force") == 1
+
+
+def test_labels_stay_labels_on_every_way(folder: Path, mesh: TetMesh) -> None:
+    made = grid(mesh.points, mesh.cells)
+    made.point_data["of_nodes"] = np.where(mesh.points[:, 2] > 0, 9, 2)
+    made.cell_data["of_cells"] = np.where(mesh.points[mesh.cells].mean(axis=1)[:, 2] > 0, 9, 2)
+    made.save("r.vtu")
+    write_surface(ball_surface(3, 100.0), "own.surf.gii")
+    write_surface(ball_surface(2, 97.0), "t.surf.gii")
+    write_fields({"parcel": (heights() > 3).astype(np.int32)}, "p.label.gii")
+    ways = ["--parcels", "p.label.gii", "--sphere", "own.surf.gii", "--template-sphere", "t.surf.gii"]
+    for depth in ([], ["--depth", "1:3"], ["--depth", f"{RADIUS - 1}:{RADIUS + 9}"]):
+        for values in projected("r.vtu", *ways, *depth).values():
+            assert len(values) == 162 and set(values[np.isfinite(values)].tolist()) == {2, 9}
+        assert {value for _, _, value in parcel_rows()[1:]} <= {"2", "9"}
+
+
+def test_parcels_of_one_name_are_one_parcel() -> None:
+    parcels = Parcels(np.array([1, 2, 3, 3]), {1: "insula", 2: "insula"}, np.array([1.0, 3.0, 1.0, 1.0]))
+    assert parcels.means(np.array([4.0, 8.0, 5.0, np.nan])) == {"3": 5.0, "insula": 7.0}
+    assert parcels.labels(np.array([4, 8, 5, 5])) == {"3": 5, "insula": 8}
+
+
+@pytest.mark.parametrize("option", ["--parcels", "--sphere", "--template-sphere", "--surface"])
+def test_files_of_the_other_hemisphere_are_refused(
+    folder: Path, mesh: TetMesh, capsys: pytest.CaptureFixture[str], option: str
+) -> None:
+    write(mesh, "r.vtu")
+    for name in ("own", "right"):
+        write_surface(ball_surface(3, 100.0 if "sphere" in option else RADIUS), f"{name}.surf.gii")
+    write_fields({"parcel": np.zeros(642, np.int32)}, "right.label.gii", hemisphere="R")
+    image = nib.load("right.surf.gii")
+    image.meta["AnatomicalStructurePrimary"] = "CortexRight"
+    Path("right.surf.gii").write_bytes(image.to_xml())
+    given = {"--sphere": "own.surf.gii", "--template-sphere": "own.surf.gii"} if "sphere" in option else {}
+    given |= {option: "right.label.gii" if option == "--parcels" else "right.surf.gii"}
+    words = [word for pair in given.items() for word in pair]
+    assert project("r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii", *words) == 1
+    assert f"{given[option]}: is of hemisphere R" in capsys.readouterr().err
+    assert not list(folder.glob("r.*.gii")) and not list(folder.glob("r.*.tsv"))
+
+
+def test_any_map_of_a_surface_is_drawn(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    height = heights()
+    write_fields({"height": height, "known": np.where(height > 0, height, np.nan)}, "m.func.gii")
+    for words in ([], ["--name", "known"]):
+        assert main(["picture", "x.surf.gii", "--field", "m.func.gii", *words, "-o", "m.png"]) == 0
+    assert Path("m.png").read_bytes().startswith(b"\x89PNG")
+    write_fields({"height": height[:-1]}, "short.func.gii")
+    for field, words, said in (("m.func.gii", ["--name", "depth"], "depth"), ("short.func.gii", [], "642 vertices")):
+        assert main(["picture", "x.surf.gii", "--field", field, *words, "-o", "no.png"]) == 1
+        assert said in capsys.readouterr().err
+    assert main(["picture", "x.vtu", "--name", "height", "-o", "no.png"]) == 2
+    assert main(["picture", "x.surf.gii", "--field", "m.func.gii", "--plane", "x", "-o", "no.png"]) == 2
+    assert not Path("no.png").exists()
+
+
+def test_sets_are_no_results(folder: Path, mesh: TetMesh) -> None:
+    result = pyvista.read("x.vtu")  # as users make one: the mesh, with a field
+    result["height"] = result.points[:, 2]
+    result.save("r.vtu")
+    assert set(projected("r.vtu")) == {"height"}
+    result.cell_data["q"] = np.ones(len(mesh.cells))  # a field of the solver that has this name
+    result.save("s.vtu")
+    assert set(projected("s.vtu")) == {"height", "q"}
+
+
+def test_a_result_of_calculix_is_read(folder: Path, mesh: TetMesh) -> None:
+    calculix = pytest.importorskip("pyvista_frd")
+    result = grid(mesh.points, mesh.cells)
+    result["DISP"] = mesh.points
+    calculix.write("r.frd", result)
+    assert np.abs(projected("r.frd")["DISP_3"] - heights()).max() < 0.6
+
+
+def test_a_frame_of_a_fold_is_projected_where_its_nodes_began(folder: Path, mesh: TetMesh) -> None:
+    words = ["--ga", "28", "--end", "28.2", "--surfaces", "28.2", "--force"]  # no brain is so small
+    assert main(["fold", "x.vtu", *words, "-o", "folded"]) == 0
+    last = max(Path("folded/frames").glob("*.vtu"))
+    assert {"displacement_1", "stress_principal_1", "stretch", "J"} <= set(projected(str(last)))
+
+
+def test_a_displacement_of_a_solver_is_no_frame_of_a_fold(folder: Path, mesh: TetMesh) -> None:
+    """dolfinx writes its nodes where they began, in an order of its own; at a node it may be unknown."""
+    order = np.random.default_rng(1).permutation(len(mesh.points))
+    result = grid(mesh.points[order], np.argsort(order)[mesh.cells])
+    result["displacement"] = 0.1 * mesh.points[order] + 1
+    result["displacement"][0] = np.nan
+    result.save("r.vtu")
+    moved = projected("r.vtu")
+    found = np.column_stack([moved[f"displacement_{axis}"] for axis in (1, 2, 3)])
+    known = np.isfinite(found).all(axis=1)
+    assert known.mean() > 0.9 and np.abs(found - 0.1 * read_surface("x.surf.gii").points - 1)[known].max() < 0.1
+
+
+def test_a_mesh_may_come_with_its_matrices(folder: Path) -> None:
+    Path("map.yaml").write_text("export: {map: true}")
+    made = ["mesh", "x.surf.gii", "--ga", "28", "--cell-size", "3.5", "--config", "map.yaml", "-o", "m.mesh"]
+    assert main(made) == 0
+    record = json.loads(Path("m.mesh.json").read_text())
+    certificate = json.loads(Path("m.certificate.json").read_text())
+    assert record["map"]["mesh_sha256"] == certificate["mesh_sha256"]
+    assert set(record["files"]) == {"m.mesh", record["map"]["to_surface"], record["map"]["from_surface"]}
+    to_surface, back = (load_npz(record["map"][name]) for name in ("to_surface", "from_surface"))
+    nodes, surface = braingrowth.read("m.mesh").points, read_surface("x.surf.gii")
+    assert np.abs(to_surface @ nodes - surface.points).max() < 0.6
+    assert back.shape == to_surface.shape[::-1]

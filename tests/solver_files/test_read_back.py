@@ -1,0 +1,227 @@
+"""Each format as other programs read it: regions by one number and name, elements, and fields on the right nodes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+import pyvista
+from read_back import READERS, model
+from shapes import ball_surface
+
+import cortet
+from cortet.cli import main as cortet_command
+from cortet.errors import InputError
+from cortet.formats import FORMATS, read_mesh, vtu
+from cortet.formats.tags import face_tags, region_numbers, regions
+from cortet.geometry.quadratic import quadratic
+from cortet.geometry.topology import boundary_faces, boundary_surface, compact
+from cortet.measure.certify import certify
+from cortet.meshes import REGION, MeshSets, TetMesh
+from cortet.solver_files.export import convert, export
+from cortet.solver_files.sets import named_sets, tagged
+from cortet.solver_files.sidecar import CHANGED, changed_since
+from cortet.solver_files.ten_nodes import write_ten_nodes
+
+CERTIFIED = {"certified": True, "reasons": []}
+#: formats that cortet reads
+READ = ["vtu", "abaqus", "fenics", "gmsh", "nastran", "carp"]
+
+
+def test_the_sidecar_and_the_file_have_the_table(tmp_path: Path) -> None:
+    for name in ("vtu", "nastran", "carp", "abaqus", "fenics"):
+        path = tmp_path / f"m{FORMATS[name].suffix}"
+        export(model(), path, solver=name, certificate=CERTIFIED)
+        record = json.loads(path.with_name(f"{path.name}.json").read_text())
+        assert record["regions"] == {"cortex": 1, "white": 2}
+        assert record["surface"] == {"cortical_surface": 101, "white_interface": 112}
+    assert pyvista.read(tmp_path / "m.vtu").field_data["white"].tolist() == [2, 3]
+    assert meshio.read(tmp_path / "m_facets.xdmf").field_data["white_interface"].tolist() == [112, 2]
+    assert (tmp_path / "m.regions.tsv").read_text() == "tag\tname\n1\tcortex\n2\twhite\n"
+    assert "$ property 2: white\n$ property 101: cortical_surface" in (tmp_path / "m.bdf").read_text()
+    assert "** region 1: cortex\n** region 2: white\n" in (tmp_path / "m.inp").read_text()
+
+
+def test_regions_beyond_99_and_labels_of_0_have_numbers_of_their_own() -> None:
+    mesh = model()
+    labels = np.where(mesh.cell_data["tissue"] == 3, 0, 1035).astype(np.int32)
+    tagged = named_sets(
+        replace(mesh, cell_data={REGION: mesh.cell_data[REGION], "parc": labels}),
+        inner=["white"],
+        tissues=["parc"],
+        tags="parc",
+    )
+    assert regions(tagged) == {"parc_1035": 1035, "parc_0": 1036}
+    assert face_tags(tagged) == {"cortical_surface": 10001, "white_interface": 10010 + 1037}
+    with pytest.raises(InputError, match="missing"):
+        named_sets(mesh, inner=["white"], tags="missing")
+
+
+def test_ten_nodes_for_gmsh_have_each_triangle_once_and_the_names_of_regions(tmp_path: Path) -> None:
+    mesh = model()
+    parcels = {"half": np.where(mesh.points[:, 1] < 4, 1, 2).astype(np.int32)}
+    mesh = named_sets(replace(mesh, point_data=parcels), inner=["white"], tissues=["tissue"])
+    curved = quadratic(mesh, boundary_surface(mesh)[0])
+    told = write_ten_nodes(mesh, curved, tmp_path / "m.msh")
+    found = meshio.read(tmp_path / "m.msh")
+    corners = np.concatenate([block.data[:, :3] for block in found.cells if block.type == "triangle6"])
+    assert len(np.unique(np.sort(corners, axis=1), axis=0)) == len(corners)
+    assert {name: tag.tolist() for name, tag in found.field_data.items()} == {
+        "cortex": [1, 3],
+        "white": [2, 3],
+        "cortical_surface": [101, 2],
+        "white_interface": [112, 2],
+    }
+    assert any("half_1, half_2" in words for words in told) and any("tissue_3, tissue_7" in words for words in told)
+
+
+@pytest.mark.parametrize("strange", [7, 0, -1, 2**31 - 1, np.nan, 1.5])
+def test_a_region_that_no_surface_bounds_is_refused(strange: float) -> None:
+    mesh = model()
+    inner = np.flatnonzero(mesh.cell_data[REGION] == 2)
+    within = boundary_surface(TetMesh(*compact(mesh.points, mesh.cells[inner])[:2]))[0]
+    surface = replace(boundary_surface(mesh)[0], inner={"white": within})
+    mesh = TetMesh(mesh.points, mesh.cells, cell_data={REGION: mesh.cell_data[REGION]})
+    assert [one.number for one in certify(mesh, surface).regions] == [1, 2]
+    region = mesh.cell_data[REGION].astype(float)
+    region[:5] = strange
+    for wrong in (region, mesh.cell_data[REGION][:, None], mesh.cell_data[REGION].astype(str)):
+        with pytest.raises(InputError, match=r"1 cortex, 2 white"):
+            certify(replace(mesh, cell_data={REGION: wrong}), surface)
+
+
+@pytest.mark.parametrize("suffix", [".pts", ".msh", ".bdf"])
+def test_labels_that_a_file_cannot_hold_beside_its_regions_are_said_and_may_take_their_place(
+    suffix: str, tmp_path: Path
+) -> None:
+    export(model(), tmp_path / "m.vtu", solver="vtu", certificate=CERTIFIED)
+    told = " ".join(convert(tmp_path / "m.vtu", tmp_path / f"m{suffix}", source_unit="mm"))
+    assert "tissue_left, tissue_right" in told and "--tags tissue" in told
+    command = ["convert", str(tmp_path / "m.vtu"), str(tmp_path / f"n{suffix}"), "--tags", "tissue"]
+    assert cortet_command(command) == 0
+    assert regions(read_mesh(tmp_path / f"n{suffix}")) == {"tissue_left": 3, "tissue_right": 7}
+
+
+def test_python_has_the_same_numbers_and_names(tmp_path: Path) -> None:
+    balls = [ball_surface(3, radius=radius) for radius in (10.0, 7.0)]
+    made = cortet.mesh(balls[0], 2.0, inner={"white": balls[1]}, progress=False)
+    assert made.regions == {"cortex": 1, "white": 2}
+    record = {one.name: one.number for one in made.certificate.regions}
+    back = meshio.read(made.save(tmp_path / "m.vtu"))
+    in_file = {name: int(tag[0]) for name, tag in back.field_data.items() if tag[1] == 3}
+    assert made.regions == record == in_file
+    assert np.array_equal(back.cell_data["region"][0], made.named().cell_data[REGION])
+    far = np.linalg.norm(made.points[made.cells].mean(axis=1), axis=1)
+    assert np.array_equal(made.mesh.cell_data[REGION] == 1, far > 6.9)
+    alone = cortet.mesh(balls[0], 2.5, progress=False)
+    assert alone.regions == {"cortex": 1, "core": 2}
+
+
+def test_the_number_after_the_largest_byte_does_not_wrap(tmp_path: Path) -> None:
+    mesh, half = model(), np.arange(384) < 192
+    vtu.write(replace(mesh, cell_data={"tissue": np.where(half, 0, 255).astype(np.uint8)}), tmp_path / "in.vtu")
+    convert(tmp_path / "in.vtu", tmp_path / "out.bdf", tags="tissue", source_unit="mm")
+    assert regions(read_mesh(tmp_path / "out.bdf")) == {"tissue_255": 255, "tissue_0": 256}
+
+
+def test_a_region_whose_number_no_format_holds_is_refused(tmp_path: Path) -> None:
+    mesh = model()
+    for number in (10**7, -(10**7), 2**31 - 1):
+        region = np.where(np.arange(384) < 192, number, 1)
+        with pytest.raises(InputError, match=f"{number}"):
+            region_numbers(replace(mesh, cell_data={REGION: region}))
+    largest = replace(mesh, cell_data={"tissue": np.where(np.arange(384) < 192, 10**7 - 2, 1)})
+    export(tagged(largest, "tissue"), tmp_path / "m.bdf", solver="nastran", certificate=CERTIFIED)
+    assert np.unique(read_mesh(tmp_path / "m.bdf").cell_data[REGION]).tolist() == [1, 10**7 - 2]
+
+
+def test_a_field_does_not_take_the_name_of_a_component(tmp_path: Path) -> None:
+    two = {"two": model().points[:, :2], "two_1": model().points[:, 2]}
+    with pytest.raises(InputError, match="two_1, two_2"):
+        export(replace(model(), point_data=two), tmp_path / "m.msh", solver="gmsh", certificate=CERTIFIED)
+
+
+def test_surface_groups_of_another_program_are_kept_beside_the_whole_surface(tmp_path: Path) -> None:
+    mesh = model()
+    group = mesh.sets.faces["cortical_surface"][:10]
+    vtu.write(replace(mesh, sets=MeshSets(faces={"inlet": group}, cells=mesh.sets.cells)), tmp_path / "in.vtu")
+    convert(tmp_path / "in.vtu", path := tmp_path / "m.vtu", source_unit="mm")
+    faces = read_mesh(path).sets.faces
+    assert len(faces["cortical_surface"]) == 192 and len(faces["inlet"]) == 10
+
+
+@pytest.mark.parametrize("name", [*FORMATS])
+def test_a_field_of_any_numbers_is_written_or_refused_by_name(name: str, tmp_path: Path) -> None:
+    mesh, path = model(), tmp_path / f"m{FORMATS[name].suffix}"
+    n = len(mesh.points)
+    fields = {"flag": np.arange(n) % 2 == 0, "half": (np.arange(n) / 8).astype(np.float16)}
+    fields |= {"tensor": mesh.points[:, :, None] * mesh.points[:, None, :], "long": np.arange(n).astype(np.longdouble)}
+    export(replace(mesh, point_data=fields), path, solver=name, certificate=CERTIFIED)
+    kept = compact(mesh.points, boundary_faces(mesh))[2] if FORMATS[name].is_surface else np.arange(n)
+    for found in (read(path).fields for read in READERS[name].values()):
+        columns = {"tensor": [f"tensor_{one}" for one in range(1, 10)]} if "tensor_1" in found else {}
+        for field, values in fields.items() if found else ():
+            read = np.column_stack([found[one] for one in columns.get(field, [field])])
+            whole = values[kept].reshape(len(kept), -1).astype(float)
+            assert np.allclose(read.reshape(len(kept), -1), whole, rtol=1e-6)
+    for wrong in (np.full(n, 1j), np.full(n, "x"), np.empty((n, 0))):
+        with pytest.raises(InputError, match=rf"wave.*{wrong.dtype}"):
+            export(replace(mesh, point_data={"wave": wrong}), path, solver=name, certificate=CERTIFIED)
+
+
+def test_a_label_beyond_32_bits_is_refused_before_it_is_written(tmp_path: Path) -> None:
+    large = replace(model(), point_data={"label": np.full(len(model().points), 2**33)})
+    with pytest.raises(InputError, match="label.*8589934592"):
+        export(large, tmp_path / "m.inp", solver="abaqus", certificate=CERTIFIED)
+
+
+@pytest.mark.parametrize("name", READ)
+@pytest.mark.parametrize("called", ["a/b", "a\tb", "x" * 81, "a\nb", "..", "", "a.b", "weiße, Substanz"])
+def test_a_name_of_any_letters_is_kept_or_its_change_is_said(name: str, called: str, tmp_path: Path) -> None:
+    mesh, path = model(), tmp_path / f"m{FORMATS[name].suffix}"
+    some = np.arange(5, dtype=np.int32)
+    cells = {called if one == "white" else one: part for one, part in mesh.sets.cells.items()}
+    sets = replace(mesh.sets, nodes={called: some}, cells=cells)
+    told = export(replace(mesh, sets=sets), path, solver=name, certificate=CERTIFIED)
+    back = read_mesh(path)
+    now = next((line.removeprefix(f"{called} is called ") for line in told if "is called" in line), called)
+    assert now in regions(back)
+    assert now in back.sets.nodes or "nodes" not in FORMATS[name].holds or name == "carp"
+
+
+@pytest.mark.parametrize("number", [150, 2035])
+def test_febio_has_labels_above_100_by_their_number(number: int, tmp_path: Path) -> None:
+    def written(number: int) -> str:
+        region = np.where(model().cell_data[REGION] == 2, number, 1).astype(np.int32)
+        mesh = replace(model(), cell_data={REGION: region})
+        export(mesh, tmp_path / "m.feb", solver="febio", certificate=CERTIFIED)
+        return (tmp_path / "m.feb").read_text()
+
+    text = written(number)
+    assert f'<material id="{number}" name="white"' in text and '<SolidDomain name="white" mat="white"/>' in text
+    with pytest.raises(InputError, match="white.*3001"):
+        written(3001)
+
+
+@pytest.mark.parametrize("what", ["edited", "deleted", "renamed and edited", "renamed", "as it was"])
+def test_an_export_that_lost_a_companion_or_was_edited_is_said(what: str, tmp_path: Path) -> None:
+    export(model(), path := tmp_path / "m.pts", solver="carp", certificate=CERTIFIED)
+    if what == "deleted":
+        (tmp_path / "m.regions.tsv").unlink()
+    if what == "edited":
+        (tmp_path / "m.regions.tsv").write_text("tag\tname\n1\twhite\n2\tcortex\n")
+    if "renamed" in what:
+        export(model(), path := tmp_path / "m2.vtu", solver="vtu", certificate=CERTIFIED)
+        (tmp_path / "m2.vtu.json").rename(tmp_path / "n.vtu.json")
+        path = path.rename(tmp_path / "n.vtu")
+    if what == "renamed and edited":
+        edited = vtu.read(path)
+        vtu.write(replace(edited, points=edited.points + 1), path)
+    said = what not in ("renamed", "as it was")
+    assert changed_since(path) == said
+    told = convert(path, tmp_path / "o.vtu")
+    assert told[:1] == [f"{path.name} was {CHANGED}"] if said else not any(CHANGED in line for line in told)

@@ -1,0 +1,144 @@
+"""Named sets: the division of surface and tissue, and one set per label."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cubes import cube_mesh
+from exported import full_mesh
+from shapes import ball_mesh
+
+from cortet.config import load
+from cortet.errors import InputError
+from cortet.geometry.topology import boundary_faces, boundary_nodes
+from cortet.measure.quality import signed_volumes
+from cortet.meshes import TetMesh
+from cortet.solver_files.sets import cell_labels, face_labels, named_sets, set_name
+from cortet.stages.solver_ready import surface_nodes_first
+
+
+@pytest.fixture(scope="module")
+def ball() -> TetMesh:
+    return surface_nodes_first(ball_mesh(3, radius=10.0))[0]
+
+
+def test_without_labels_the_whole_boundary_is_cortical_surface(ball):
+    sets = named_sets(ball).sets
+    assert np.array_equal(sets.nodes["cortical_surface"], boundary_nodes(ball))
+    assert np.array_equal(sets.faces["cortical_surface"], boundary_faces(ball))
+    assert sets.nodes.keys() == sets.faces.keys() == {"cortical_surface"}
+
+
+def test_cortex_is_what_lies_within_a_depth(ball):
+    cells = named_sets(ball, cortex_depth=3.0).sets.cells
+    radius = np.linalg.norm(ball.points[ball.cells].mean(axis=1), axis=1)
+    assert np.array_equal(np.sort(np.concatenate([*cells.values()])), np.arange(len(ball.cells)))
+    assert radius[cells["cortex"]].min() > 6.8 and radius[cells["core"]].max() < 7.2
+    volume = signed_volumes(ball.points, ball.cells)
+    assert volume[cells["core"]].sum() / volume.sum() == pytest.approx(0.7**3, rel=0.1)
+
+
+def test_inside_a_white_surface_nothing_is_cortex_unless_asked(ball):
+    cells = named_sets(ball, **load({}).export.sets("white")).sets.cells
+    assert cells.keys() == {"core"} and len(cells["core"]) == len(ball.cells)
+    asked = load({"export": {"cortex_layer": True}}).export.sets("white")
+    for chosen in (asked, load({}).export.sets("pial"), load({}).export.sets(None)):
+        assert named_sets(ball, **chosen).sets.cells.keys() == {"cortex", "core"}
+
+
+def test_cortex_by_a_field_is_as_deep_as_the_field_says_there(ball):
+    x = ball.points[:, 0]
+    mesh = replace(ball, point_data={"thickness": np.where(x > 0, 4.0, 2.0)})
+    cortex = named_sets(mesh, cortex_depth=9.0, cortex_thickness="thickness").sets.cells["cortex"]
+    centroids = mesh.points[mesh.cells].mean(axis=1)
+    radius = np.linalg.norm(centroids, axis=1)
+    inside = np.isin(np.arange(len(mesh.cells)), cortex)
+    right, left = centroids[:, 0] > 2, centroids[:, 0] < -2
+    assert not inside[right & (radius < 5.8)].any() and inside[right & (radius > 6.2)].all()
+    assert not inside[left & (radius < 7.8)].any() and inside[left & (radius > 8.2)].all()
+
+
+def test_depth_is_measured_from_the_cortical_surface_and_not_from_the_medial_wall():
+    mesh = full_mesh()
+    centroids = mesh.points[mesh.cells].mean(axis=1)
+    at_the_wall = (centroids[:, 2] < 1.5) & (np.abs(centroids[:, :2] - 4) < 2).all(axis=1)
+    assert at_the_wall.any() and np.isin(np.flatnonzero(at_the_wall), mesh.sets.cells["core"]).all()
+
+
+def test_the_medial_wall_is_where_its_label_is():
+    mesh = full_mesh()
+    wall, cortical = mesh.sets.faces["medial_wall"], mesh.sets.faces["cortical_surface"]
+    assert len(wall) + len(cortical) == len(boundary_faces(mesh))
+    bottom = boundary_faces(mesh)[(mesh.points[boundary_faces(mesh)][:, :, 2] == 0).all(axis=1)]
+    assert set(map(tuple, bottom.tolist())) <= set(map(tuple, wall.tolist()))
+    assert ((mesh.point_data["area"][wall] == 0).sum(axis=1) >= 1).all()
+    assert np.array_equal(mesh.sets.nodes["medial_wall"], np.unique(wall))
+
+
+def test_every_label_is_a_set_of_surface_nodes_of_faces_and_of_tetrahedra():
+    """So that each parcel can have a material of its own."""
+    mesh = full_mesh()
+    labels, surface = mesh.point_data["area"], boundary_nodes(mesh)
+    names = {"area_Medial_wall": 0, "area_V1": 3, "area_12": 12}
+    assert mesh.sets.nodes.keys() == {"cortical_surface", "medial_wall", *names}
+    for name, key in names.items():
+        assert np.array_equal(mesh.sets.nodes[name], surface[labels[surface] == key])
+    assert sum(len(mesh.sets.faces[name]) for name in names) == len(boundary_faces(mesh))
+    parcels = np.concatenate([mesh.sets.cells[name] for name in names])
+    assert np.array_equal(np.sort(parcels), mesh.sets.cells["cortex"])
+    of_nodes = labels[mesh.cells[mesh.sets.cells["area_V1"]]]
+    assert ((of_nodes == 3).sum(axis=1) >= 2).all()
+
+
+def test_a_label_is_that_of_most_nodes_or_else_of_the_first():
+    values = np.array([1, 1, 2, 3, 2])
+    cells = np.array([[0, 1, 2, 3], [2, 3, 4, 0], [0, 2, 3, 4], [2, 0, 1, 4]])
+    assert cell_labels(values, cells).tolist() == [1, 2, 2, 2]
+    corners = np.array([[0, 0, 1], [0, 1, 0], [1, 0, 0], [1, 1, 1], [0, 1, 2], [2, 1, 0]], np.int32)
+    assert face_labels(np.array([1, 2, 3]), corners).tolist() == [1, 1, 1, 2, 1, 3]
+
+
+@pytest.mark.parametrize(
+    ("text", "taken", "name"),
+    [
+        ("aparc_V1", [], "aparc_V1"),
+        ("aparc_Left/Right (lateral)", [], "aparc_Left_Right_lateral"),
+        ("12", [], "set_12"),
+        ("aparc_v1", ["aparc_V1"], "aparc_v1_2"),
+        ("a" * 100, [], "a" * 80),
+        ("tissue_Großhirn äö", [], "tissue_Grohirn_ao"),
+    ],
+)
+def test_names_are_such_that_every_solver_takes_them(ball, text, taken, name):
+    assert set_name(text, taken) == name
+    labelled = replace(ball, point_data={"area": (ball.points[:, 0] > 0) + 3})
+    faces = named_sets(labelled, label_names={"area": {3: "皮質", 4: "V1"}}).sets.faces
+    assert {"area_3", "area_V1"} <= faces.keys(), "a name without a letter for solvers is replaced by its key"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ({"medial_wall": {"parcels": [0]}}, "parcels.*area"),
+        ({"medial_wall": {"area": [0, 3, 12]}}, "every face"),
+        ({"cortex_thickness": "area"}, "area"),
+        ({"cortex_thickness": "thick"}, "thick .*thickness, normal, area"),
+        ({"tissues": ["large"], "tags": "large"}, "9999998"),
+    ],
+)
+def test_fields_that_are_not_there_or_that_no_file_holds_are_refused(arguments, word):
+    mesh = full_mesh()
+    for largest in (10**7 - 1, 2**31 - 1, 2**33):
+        labels = np.where(np.arange(len(mesh.cells)) % 2, 0, largest)
+        with pytest.raises(InputError, match=word):
+            named_sets(replace(mesh, cell_data={"large": labels}), **arguments)
+
+
+def test_sets_follow_when_nodes_are_renumbered():
+    cube = cube_mesh(3, side=4.0)
+    mesh = named_sets(cube, cortex_depth=1.0)
+    ready, _ = surface_nodes_first(mesh)
+    assert np.array_equal(ready.sets.faces["cortical_surface"], boundary_faces(ready))
+    assert np.array_equal(ready.sets.nodes["cortical_surface"], boundary_nodes(ready))

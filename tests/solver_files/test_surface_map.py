@@ -1,0 +1,224 @@
+"""Values go between a mesh and the surface it was made from: exactly where triangles are the same, nearby elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from cubes import cube_mesh
+from scipy.sparse import csr_array
+from shapes import ball_mesh, ball_surface
+
+import cortet
+from cortet.errors import InputError
+from cortet.geometry.closest_point import closest_points, tree_of
+from cortet.geometry.containing import containing
+from cortet.geometry.interpolation import applied
+from cortet.geometry.topology import boundary_nodes, boundary_surface
+from cortet.meshes import MeshSets, TetMesh, TriSurface, single_precision
+from cortet.phantoms import phantom_with_sphere
+from cortet.solver_files.surface_map import surface_map
+
+RADIUS = 14.0
+UNSMOOTHED = {"smooth_surface": {"enabled": False}}
+#: mm
+EXACT = 1e-9
+
+
+@pytest.fixture(scope="module")
+def ball() -> TriSurface:
+    return single_precision(ball_surface(3, RADIUS))
+
+
+@pytest.fixture(scope="module")
+def made(ball: TriSurface) -> cortet.Mesh:
+    return cortet.mesh(ball, cell_size=3.0, settings=UNSMOOTHED, progress=False)
+
+
+def test_coordinates_come_exactly_from_the_surface(made: cortet.Mesh, ball: TriSurface) -> None:
+    nodes = boundary_nodes(made.mesh)
+    found = made.from_surface(ball.points)
+    assert np.abs(found[nodes] - made.points[nodes]).max() < EXACT
+    inside = np.setdiff1d(np.arange(len(made.points)), nodes)
+    assert len(inside) and np.isnan(found[inside]).all()
+
+
+def test_a_linear_field_comes_exactly_to_the_surface(made: cortet.Mesh, ball: TriSurface) -> None:
+    boundary, _ = boundary_surface(made.mesh)
+    nearest = closest_points(tree_of(boundary), ball.points).points
+    assert np.abs(made.to_surface(made.points) - nearest).max() < EXACT
+    assert np.abs(made.to_surface(made.points @ [1, 2, 3] + 4) - (nearest @ [1, 2, 3] + 4)).max() < EXACT
+    assert made.surface_map().kept.all()
+
+
+def test_there_and_back_changes_little(made: cortet.Mesh, ball: TriSurface) -> None:
+    smooth = np.sin(ball.points[:, 0] / RADIUS) + (ball.points[:, 2] / RADIUS) ** 2
+    back = made.to_surface(made.from_surface(smooth))
+    assert np.abs(back - smooth).max() < 0.05 and np.abs(back - smooth).mean() < 0.02
+    assert made.to_surface(made.from_surface(np.ones(len(ball.points)))) == pytest.approx(1, abs=1e-12)
+
+
+def test_values_of_elements_are_averaged_by_volume(made: cortet.Mesh, ball: TriSurface) -> None:
+    assert made.to_surface(np.full((len(made.cells), 2), 3.0)) == pytest.approx(np.full((len(ball.points), 2), 3.0))
+    heights = made.points[made.cells].mean(axis=1)[:, 2]
+    assert np.abs(made.to_surface(heights) - ball.points[:, 2]).mean() < 1.5
+    mesh = cube_mesh(1)
+    corners, found = surface_map(mesh, boundary_surface(mesh)[0], boundary_surface(mesh)[0]).corners
+    assert np.array_equal(corners, mesh.cells)  # a single region
+    around = (mesh.cells == 0).any(axis=1)
+    volumes = np.abs(np.linalg.det(np.diff(mesh.points[mesh.cells], axis=1))) * around
+    assert found.toarray()[0] == pytest.approx(volumes / volumes.sum())
+
+
+def test_labels_are_never_averaged(made: cortet.Mesh) -> None:
+    labels = np.where(made.points[:, 0] > 0, 7, 2).astype(np.int32)
+    found = made.to_surface(labels)
+    assert found.dtype == np.int32 and set(found.tolist()) == {2, 7}
+    inside = made.from_surface(np.full(len(found), 5, np.int32))
+    assert np.isnan(inside).any() and set(inside[~np.isnan(inside)]) == {5}
+    of_cells = np.where(made.points[made.cells].mean(axis=1)[:, 0] > 0, 7, 2)
+    for depth in (None, 1.0, (0.0, 4.0)):
+        assert set(made.to_surface(of_cells, depth=depth).tolist()) == {2, 7}
+
+
+def test_the_label_with_the_most_weight_is_taken() -> None:
+    """Not that of the largest weight; the smallest in a tie."""
+    matrix = csr_array([[0.4, 0.3, 0.3], [0.5, 0.5, 0.0], [0.0, 0.0, 0.0]])
+    labels = np.array([9, 2, 2])
+    assert np.array_equal(applied(matrix, labels), [2, 2, np.nan], equal_nan=True)
+    known = np.array([9.0, np.nan, np.nan])
+    assert np.array_equal(applied(matrix[:2], known, labels=True), [np.nan, 9], equal_nan=True)
+
+
+def test_values_of_a_region_are_averaged_within_it(ball: TriSurface) -> None:
+    inner = single_precision(ball_surface(3, 12.0))
+    made = cortet.mesh(ball, cell_size=3.0, inner={"white": inner}, settings=UNSMOOTHED, progress=False)
+    values = np.where(made.mesh.cell_data["region"] == 1, 100.0, -100.0)
+    for depth in (None, 0.5, (0.5, 1.5)):
+        assert made.to_surface(values, depth=depth) == pytest.approx(100)
+    assert made.to_surface(values, region="white") == pytest.approx(-100)
+    assert np.abs(made.to_surface(values, depth=(0.0, 4.0))).mean() < 15  # half of it lies in each
+
+
+def test_masked_values_are_unknown(made: cortet.Mesh) -> None:
+    hidden = np.ma.masked_invalid(np.where(made.points[:, 0] > 0, np.nan, 1.0))
+    found = made.to_surface(hidden)
+    assert np.isnan(found).any() and found[np.isfinite(found)] == pytest.approx(1)
+    with pytest.raises(InputError, match="masked"):
+        made.to_surface(np.ma.masked_equal(np.arange(len(made.points)), 3))
+
+
+def test_depth_is_below_the_surface(made: cortet.Mesh, ball: TriSurface) -> None:
+    radius = np.linalg.norm(made.points, axis=1)
+    for depth in (1.0, 4.0):
+        assert np.abs(made.to_surface(radius, depth=depth) - (RADIUS - depth)).max() < 0.4
+        there = made.surface_map()
+        below = there.points - depth * there.normals
+        assert np.abs(below - (1 - depth / RADIUS) * ball.points).max() < 0.06
+        assert np.abs(made.to_surface(made.points, depth=depth) - below).max() < EXACT
+    assert np.abs(made.to_surface(radius, depth=(1.0, 3.0)) - (RADIUS - 2)).max() < 0.3
+    assert np.isnan(made.to_surface(radius, depth=3 * RADIUS)).all()
+    partly = made.to_surface(made.points, depth=(2 * RADIUS - 2, 2 * RADIUS + 10))
+    assert np.nanmax(np.linalg.norm(partly, axis=1)) < RADIUS and not np.isnan(partly).all()
+
+
+@pytest.mark.parametrize("depth", [-1.0, np.nan, np.inf, (3.0, 1.0), np.ones(7), (0.0, np.ones(7)), (1, 2, 3), "deep"])
+def test_what_is_no_depth_is_refused(made: cortet.Mesh, depth: Any) -> None:
+    with pytest.raises(InputError, match="depth"):
+        made.to_surface(made.points, depth=depth)
+
+
+@pytest.mark.parametrize("values", [3.0, None, [[1.0], [1.0, 2.0]], ["a"], [1j], np.ones((2, 2, 2)), [1.0, 2.0, 3.0]])
+def test_what_is_no_list_of_numbers_of_the_mesh_or_the_surface_is_refused(made: cortet.Mesh, values: Any) -> None:
+    for there in (made.to_surface, made.from_surface):
+        with pytest.raises(InputError, match="numbers|3 values"):
+            there(values)
+    with pytest.raises(InputError, match="white"):
+        made.to_surface(made.points, region="white")
+
+
+def test_smoothed_vertices_are_known_by_number_however_far_they_went(made: cortet.Mesh, ball: TriSurface) -> None:
+    """An inflated surface has the values of the folded one."""
+    inflated = surface_map(made.mesh, made.surface, replace(ball, points=3 * ball.points + 50))
+    own = made.surface_map()
+    for name in ("to_surface", "from_surface"):
+        assert abs(getattr(inflated, name) - getattr(own, name)).max() < EXACT
+    assert inflated.kept.all()
+    smoothed = cortet.mesh(ball, cell_size=3.0, ga=24, progress=False)
+    assert smoothed.surface_map().kept.all()
+    assert np.array_equal(smoothed.surface_map().points, smoothed.surface.points)
+
+
+def test_a_repaired_surface_works_by_the_closest_point_where_it_changed(ball: TriSurface) -> None:
+    broken = replace(ball, faces=ball.faces[6:])
+    made = cortet.mesh(broken, cell_size=3.0, settings={**UNSMOOTHED, "repair": {"enabled": True}}, progress=False)
+    found = made.surface_map()
+    assert np.abs(made.to_surface(made.points) - ball.points).max() < 0.6
+    whole = np.bincount(ball.faces[6:].ravel(), minlength=642) == np.bincount(ball.faces.ravel(), minlength=642)
+    assert found.kept.sum() > 600 and np.isfinite(found.points).all() and found.kept[whole].mean() > 0.95
+    nodes = boundary_nodes(made.mesh)
+    assert np.abs(made.from_surface(ball.points)[nodes] - made.points[nodes]).max() < 1.0
+
+
+def test_renumbered_vertices_are_found_by_the_closest_point(made: cortet.Mesh, ball: TriSurface) -> None:
+    order = np.random.default_rng(0).permutation(len(ball.points))
+    place = np.argsort(order)
+    mixed = TriSurface(ball.points[order], place[ball.faces])
+    found = surface_map(made.mesh, made.surface, mixed)
+    assert not found.kept.any() and found.distances.max() < EXACT
+    assert np.abs(found.on_surface(made.points) - made.to_surface(made.points)[order]).max() < 1e-6
+
+
+def test_vertices_without_position_have_no_value(made: cortet.Mesh, ball: TriSurface) -> None:
+    more = replace(ball, points=np.vstack([ball.points, [[np.nan, 0, 0], [RADIUS, 0, 0]]]))
+    found = surface_map(made.mesh, made.surface, more).on_surface(made.points[:, 0])
+    assert np.isnan(found[-2]) and found[-1] == pytest.approx(RADIUS, abs=0.5) and np.isfinite(found[:-2]).all()
+
+
+def test_a_resampled_surface_works_by_the_closest_point() -> None:
+    surface, sphere = phantom_with_sphere(24.0, subdivisions=3)
+    made = cortet.mesh(
+        surface, cell_size=4.0, sphere=sphere, settings={"resample": {"subdivisions": 4}}, progress=False
+    )
+    found = made.surface_map()
+    assert "resample" in made.certificate.parameters
+    assert not found.kept.any() and len(found.points) == len(surface.points) != len(made.surface.points)
+    assert np.linalg.norm(made.to_surface(made.points) - surface.points, axis=1).mean() < 0.5
+
+
+def test_an_inner_surface_has_its_own_map_and_a_shell_has_none(ball: TriSurface) -> None:
+    inner = single_precision(ball_surface(3, 8.0))
+    made = cortet.mesh(ball, cell_size=3.0, inner={"white": inner}, shell=2.0, settings=UNSMOOTHED, progress=False)
+    assert list(made.native) == ["cortex", "white"]
+    for region, surface in (("cortex", ball), ("white", inner), (None, ball)):
+        assert np.abs(made.to_surface(made.points, region=region) - surface.points).max() < 1.0
+
+
+def test_holes_are_no_part_of_the_boundary(made: cortet.Mesh, ball: TriSurface) -> None:
+    """Faces around a region that was left out are near no vertex."""
+    mesh = made.mesh
+    far = np.linalg.norm(mesh.points[mesh.cells].mean(axis=1), axis=1) > 8
+    used = np.unique(mesh.cells[far])
+    place = np.full(len(mesh.points), -1)
+    place[used] = np.arange(len(used))
+    hollow = TetMesh(mesh.points[used], place[mesh.cells[far]])
+    boundary, nodes = boundary_surface(hollow)
+    wall = nodes[boundary.faces][np.linalg.norm(boundary.points[boundary.faces].mean(axis=1), axis=1) < 11]
+    assert len(wall)
+    found = surface_map(replace(hollow, sets=MeshSets(faces={"hole_surface": wall})), made.surface, ball)
+    assert np.linalg.norm(hollow.points[np.unique(found.to_surface.indices)], axis=1).min() > 11
+
+
+def test_every_point_is_found_in_its_tetrahedron() -> None:
+    mesh = ball_mesh(3, radius=1.0)
+    random = np.random.default_rng(0)
+    cells = random.integers(len(mesh.cells), size=500)
+    weights = random.dirichlet(np.ones(4), size=500)
+    points = np.einsum("kc,kcx->kx", weights, mesh.points[mesh.cells[cells]])
+    found, own = containing(mesh, points)
+    assert (found == cells).mean() > 0.99 and (found >= 0).all()
+    assert np.abs(np.einsum("kc,kcx->kx", own, mesh.points[mesh.cells[found]]) - points).max() < 1e-12
+    assert (containing(mesh, 2 + points)[0] == -1).all()
+    assert (containing(cube_mesh(1), np.full((1, 3), 1e6))[0] == -1).all()
