@@ -145,10 +145,6 @@ class Plan(Jobs):
         made = (mesh for mesh in meshes if self.failures.get(mesh, {}).get("stage") != "case_maps")
         return {mesh[0]: files[mesh] for mesh in made if self.is_measured(mesh)}
 
-    def mapped_hemispheres(self) -> list[str]:
-        """Hemispheres that have maps."""
-        return [hemi for hemi in "LR" if self.maps(hemi)]
-
     def about(self, job: Job) -> dict[str, Any]:
         """The facts at the top of the page of a mesh."""
         case = self.case(job)

@@ -145,7 +145,7 @@ def _read_gmsh(path: Path) -> Any:
 
 
 def _read_xdmf(path: Path) -> Any:
-    for name in sorted({*re.findall(rb"([^\s/>]+\.h5):", content(path))}):
+    for name in sorted({*re.findall(rb"([^\s/>]{1,255}\.h5):", content(path))}):
         check_file(path.with_name(name.decode("utf-8", "replace")))
     return meshio.xdmf.read(str(path))
 

@@ -8,8 +8,7 @@ number above 99, such as a label of a volume, the next power of ten replaces 100
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any, TypeVar
 
 import numpy as np
@@ -81,16 +80,6 @@ def face_tags(mesh: TetMesh) -> dict[str, int]:
 def without_tissue(groups: Mapping[str, T]) -> dict[str, T]:
     """The groups of a file by name; none where the only one is that of a mesh without regions."""
     return {} if [*groups] == [TISSUE] else dict(groups)
-
-
-def named_once(rows: Iterable[tuple[str, int]], path: str | Path) -> dict[str, int]:
-    """Name -> number of the rows of a table of names; raises InputError for a name of two numbers."""
-    names: dict[str, int] = {}
-    for name, number in rows:
-        if names.setdefault(name, number) != number:
-            what = f"its table of names calls {names[name]} and {number} {name}"
-            raise InputError(what, file=path, remedy="give each number a name of its own")
-    return names
 
 
 def with_names(mesh_sets: MeshSets, number: NDArray[Any], names: Mapping[str, int]) -> MeshSets:

@@ -148,10 +148,10 @@ DAMAGES: list[Damage] = [
 ]
 
 
-def damaged(data: bytes, rng: random.Random, longest: int = 4 << 20) -> bytes:
-    """The data with one to three damages, at most so many bytes of it."""
+def damaged(data: bytes, rng: random.Random) -> bytes:
+    """The data with one to three damages, at most 4 MiB of it."""
     for _ in range(rng.choice([1, 1, 1, 2, 3])):
-        data = rng.choice(DAMAGES)(data, rng)[:longest]
+        data = rng.choice(DAMAGES)(data, rng)[: 4 << 20]
     return data
 
 
@@ -390,5 +390,5 @@ def place_damaged(name: str, valid: Path, rng: random.Random, folder: Path) -> P
     if name == "config":
         target.write_bytes(damaged_config(content, rng))
     else:  # the search for .h5 in an XDMF file takes minutes for a line of a megabyte
-        target.write_bytes(damaged(content, rng, *([20_000] if target.suffix == ".xdmf" else [])))
+        target.write_bytes(damaged(content, rng))
     return folder / valid.name
