@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from shapes import ball_surface
 
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
 from cortet.formats.gifti import read_surface, write_surface
@@ -20,7 +21,6 @@ from cortet.geometry.nesting import joined
 from cortet.meshes import TriSurface
 from cortet.over_all import RUN
 from tests.integration import loaded_snakemake
-from tests.unit.shapes import ball_surface
 
 ROOT = Path(__file__).parents[2]
 

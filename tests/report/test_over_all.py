@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from cortet.over_all import results
-from tests.unit.test_plan import GOOD, MADE, plan
+from tests.cohort.test_plan import GOOD, MADE, plan
 
 
 def test_what_says_whether_meshes_are_certified_waits_for_their_certificates() -> None:

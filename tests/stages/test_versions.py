@@ -1,7 +1,7 @@
 """A stage whose result changes must raise its VERSION: by it Snakemake sees that the package was edited.
 
 `golden.json` holds, for the present VERSION of each stage, a fingerprint of its result on a small fixed input. After a
-change that is meant: raise VERSION in the stage's module, then `python tests/unit/test_versions.py` records it again.
+change that is meant: raise VERSION in the stage's module, then `python tests/stages/test_versions.py` records it again.
 """
 
 from __future__ import annotations

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from shapes import ball_surface
 
 from cortet.cohort.resources import (
     COSTS,
@@ -23,7 +24,6 @@ from cortet.errors import InputError
 from cortet.geometry.topology import enclosed_volume
 from cortet.stages import STAGES
 from cortet.stages.generate import generate
-from tests.unit.shapes import ball_surface
 
 ROOT = Path(__file__).parents[2]
 
