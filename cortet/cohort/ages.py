@@ -1,9 +1,8 @@
-"""Ages at scan from the tables of a dataset: which column is read, in which unit, and which columns are not read.
+"""Ages at scan from the tables of a dataset: which column is read, in which unit, and what is not read.
 
-cortet needs gestational ages. A column of that name is read in weeks, or in the unit that the table's sidecar states
-(`Units`, as in BIDS). The column `age` of BIDS is in years from birth, unless a sidecar says otherwise. A child of two
-years must not become a fetus of two weeks, so this column is read only if its unit is weeks, or if the configuration
-names it.
+cortet needs gestational ages, in weeks or, where the table's sidecar says so (`Units`, as in BIDS), in days. The column
+`age` of BIDS counts years from birth. A child of two years must not become a fetus of two weeks, so that column is read
+only if the configuration names it.
 """
 
 from __future__ import annotations
@@ -20,39 +19,14 @@ from cortet.formats.tsv import read_uneven_tsv
 from cortet.formats.untrusted import content
 from cortet.geometry.limits import SCAN_AGES
 
-#: weeks in a unit of time
-WEEKS = {"weeks": 1.0, "days": 1 / 7, "months": 365.25 / 12 / 7, "years": 365.25 / 7}
-#: column whose ages count from birth unless a sidecar says otherwise
-FROM_BIRTH = "age"
 #: a session of a participant: their labels
 Session = tuple[str, str | None]
-
-_UNITS = {
-    "weeks": r"weeks?|wks?|w",
-    "days": r"days?|d",
-    "months": r"months?|mo|mos|mths?",
-    "years": r"years?|yrs?|y",
-}
-#: what may stand in Units beside the unit; with anything else, such as a number, nobody knows what is meant
-_BESIDE_UNIT = (
-    r"gestation(al)?|(post)?menstrual|(post)?concept(ion|ional|ual)|(post)?natal|post|chronological|ages?|pma|ga|scan|"
-    r"births?|life|last|period|completed|decimal|in|the|since|from|of|after|at"
-)
-#: words in a sidecar for ages from birth, and for ages from conception or the last period
-_BIRTH = r"\b(birth|born|post-?natal|chronological|of life|(corrected|adjusted) age|ex[ -]?utero|DOL)\b"
-_GESTATION = r"gestation|menstrual|concept|\bPMA\b|\bGA\b"
-#: why such ages are not read
-_AT_BIRTH = "it counts from birth"
-#: words for the age of somebody else
-_PARENT = r"\b(mothers?|maternal|fathers?|paternal|parents?)\b"
+#: column of BIDS for years from birth
+_FROM_BIRTH = "age"
+#: units as sidecars write them, in lower case -> weeks
+_WEEKS = dict.fromkeys(("week", "weeks", "wk", "wks", "w"), 1.0) | dict.fromkeys(("day", "days", "d"), 1 / 7)
 #: cells that mean an unknown value
 _MISSING = frozenset({"", "n/a", "na", "nan", "none", "null"})
-#: what makes a column be read
-_REMEDY = (
-    ", and a gestational age is needed. Where it is one: say Units: weeks in the sidecar, call the column scan_age, or "
-    "name it in cohort.scan.age_columns"
-)
-
 #: most rows that a remark names
 _MOST_ROWS = 5
 
@@ -71,35 +45,45 @@ class _Row:
         return all(_label(self.cells[key]) == value for key, value in given if value and key in self.cells)
 
 
-#: rows of a table by the participant's label
-_RowsByParticipant = dict[str, list[_Row]]
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """A table that may hold ages."""
 
-
-@dataclass(frozen=True)
-class Column:
-    """How a column of a table is read."""
-
-    #: file name of the table, as in the configuration, and name of the column
-    table: str
+    #: file name, as in the configuration
     name: str
-    #: key of `WEEKS`
+    #: label of the participant, empty where the table names none -> rows
+    rows: Mapping[str, Sequence[_Row]]
+    #: column of the ages; None without one
+    column: str | None
+    #: their unit according to the sidecar; empty if it does not say
     unit: str
-    #: what states this unit
-    source: str
-    #: why the column is not read; empty if it is read
-    refused: str = ""
-    #: what to do about that, where it is not what `_REMEDY` says
-    remedy: str = ""
+    #: whether there is a column `age`
+    has_age: bool
+
+    @property
+    def weeks(self) -> float | None:
+        """Weeks in the unit of the ages; None if this is not a unit of gestational ages."""
+        return _WEEKS.get(self.unit.lower()) if self.unit else 1.0
+
+    @property
+    def source(self) -> tuple[str, str | None, str]:
+        """What the tables of several participants have in common."""
+        return self.name, self.column, self.unit
+
+    def rows_of(self, session: Session) -> list[_Row]:
+        """The rows about a session."""
+        rows = [*self.rows.get(session[0], ()), *self.rows.get("", ())]
+        return [row for row in rows if row.is_of(session)]
 
 
 @dataclass(frozen=True)
 class _Reading:
-    """A value of a column for a session."""
+    """The age that a table gives for a session."""
 
     session: Session
-    column: Column
+    table: _Table
     text: str
-    #: None if the column is not read, the value is not a gestational age, or rows contradict each other
+    #: None if it is not read, is not a gestational age, or rows contradict each other
     weeks: float | None
     #: whether the row is about all sessions of the participant
     shared: bool
@@ -115,189 +99,119 @@ def number(text: str | None) -> float | None:
 
 
 def ages_at_scan(
-    sessions: Iterable[Session],
-    tables: Mapping[Session, Sequence[tuple[str, Path]]],
-    columns: Sequence[str],
-    *,
-    named: bool = False,
+    sessions: Iterable[Session], files: Mapping[Session, Sequence[tuple[str, Path]]], columns: Sequence[str]
 ) -> tuple[dict[Session, float], list[str]]:
     """Gestational ages, weeks, of the sessions that have one; and remarks on their sources and on what is not read.
 
     Parameters
     ----------
     sessions : participant and session, their labels
-    tables : name and file of the tables of each session; the first tables count most
+    files : name and file of the tables of each session; the first tables count most
     columns : columns that may hold the age; each table uses the first of them that it has
-    named : whether the configuration names the columns; their unit is then taken to be weeks
     """
-    read: dict[Path, _RowsByParticipant] = {}
-    described: dict[Path, Mapping[str, object]] = {}
-    found: dict[Session, float] = {}
-    readings: list[_Reading] = []
     sessions = list(sessions)
+    named = dict.fromkeys(one for session in sessions for one in files[session])
+    read = {path: _read(name, path, columns) for name, path in named if path.exists()}
+    tables = {session: [read[path] for _, path in files[session] if path in read] for session in sessions}
+    readings: list[_Reading] = []
     for session in sessions:
-        for table, path in tables[session]:
-            if path not in read:
-                read[path] = _rows_by_participant(path, columns) if path.exists() else {}
-                described[path] = _sidecar(path, table)
-            reading = _reading(session, read[path], described[path], table, columns, named=named)
-            readings += [reading] if reading else []
-            if reading and reading.weeks is not None:
-                found[session] = reading.weeks
-                break
-    return found, _in_words(readings) + _of_nobody(sessions, tables, read)
+        for table in tables[session]:
+            if reading := _reading(session, table):
+                readings.append(reading)
+                if reading.weeks is not None:
+                    break
+    found = {reading.session: reading.weeks for reading in readings if reading.weeks is not None}
+    return found, [*_sources(readings), *_shared(readings), *_unused(sessions, tables, list(read.values()))]
 
 
-def _of_nobody(
-    sessions: Sequence[Session],
-    tables: Mapping[Session, Sequence[tuple[str, Path]]],
-    read: Mapping[Path, _RowsByParticipant],
-) -> list[str]:
-    """Rows that match no session, of the tables of sessions that have no row, in words."""
+def _reading(session: Session, table: _Table) -> _Reading | None:
+    """What a table says of the age of a session; None if it says nothing."""
+    if table.column is None:
+        return None
+    rows = table.rows_of(session)
+    label = session[1]
+    if label is None and len({row.cells.get("session_id") for row in rows}) > 1:
+        return None  # the name of the surface does not say which session it is from
+    cells = {row.cells[table.column].strip(): row for row in rows}
+    given = {text: row for text, row in cells.items() if text.lower() not in _MISSING}
+    if not given:
+        return None
+    shared = label is not None and not next(iter(given.values())).cells.get("session_id")
+    return _Reading(session, table, " and ".join(given), _in_weeks(list(given), table.weeks), shared)
+
+
+def _in_weeks(texts: Sequence[str], unit: float | None) -> float | None:
+    """The one gestational age that the rows of a session give; None if they give none, or several."""
+    values = {number(text) for text in texts}
+    value = values.pop() if len(values) == 1 else None
+    if value is None or unit is None:
+        return None
+    weeks = round(value * unit, 2)
+    return weeks if SCAN_AGES[0] <= weeks <= SCAN_AGES[1] else None
+
+
+def _sources(readings: Sequence[_Reading]) -> list[str]:
+    """Which columns were read, and what was not read and why, in words."""
     told = []
-    asking: dict[Path, list[Session]] = {}
-    for session in sessions:
-        for _, path in tables[session]:
-            asking.setdefault(path, []).append(session)
-    lacking = [one for one in sessions if not any(_rows_of(one, read.get(path, {})) for _, path in tables[one])]
-    for table, path in dict.fromkeys(named for session in lacking for named in tables[session]):
-        matched = {row.line for session in asking[path] for row in _rows_of(session, read[path])}
-        rows = [row for some in read[path].values() for row in some if row.line not in matched]
-        if rows:
-            shown = [f"line {row.line}, {' '.join(row.cells.values())!r}" for row in rows[:_MOST_ROWS]]
-            more = [f"and {len(rows) - _MOST_ROWS} more"] * (len(rows) > _MOST_ROWS)
-            without = [_named(session) for session in lacking if session in asking[path]]
+    for source in dict.fromkeys(reading.table.source for reading in readings):
+        own = [reading for reading in readings if reading.table.source == source]
+        table = own[0].table
+        column = f"column {table.column} of {table.name}"
+        if table.weeks is None:
+            told.append(f"not read: {column}, in {table.unit} (give a gestational age in weeks or days)")
+            continue
+        unit = f"in {table.unit}, as its sidecar says" if table.unit else "in weeks"
+        if good := [reading.session for reading in own if reading.weeks is not None]:
+            told.append(f"ages are from {column}, {unit}: {_counted(good)}")
+        if bad := [reading for reading in own if reading.weeks is None]:
+            low, high = SCAN_AGES
             told.append(
-                f"{table}: {len(rows)} of its rows match no surface ({'; '.join(shown + more)}), and {len(without)} "
-                f"participants or sessions have no row, as {without[0]} (separate values by tabs; participant_id is "
-                "the label of the folder, session_id that of the session)"
+                f"not read: {len(bad)} of {column}, {unit}, as {bad[0].text} of {_named(bad[0].session)}: "
+                f"no age from {low:g} to {high:g} gestational weeks "
+                "(give one number, and its unit in the sidecar, as Units: weeks or days)"
             )
     return told
 
 
-def _rows_of(session: Session, rows: _RowsByParticipant) -> list[_Row]:
-    """The rows of a table that are about a session."""
-    return [row for row in rows.get(session[0], []) + rows.get("", []) if row.is_of(session)]
-
-
-def _reading(
-    session: Session,
-    rows: _RowsByParticipant,
-    sidecar: Mapping[str, object],
-    table: str,
-    columns: Sequence[str],
-    *,
-    named: bool,
-) -> _Reading | None:
-    """What a table says of the age of a session; None if it says nothing."""
-    known = [row.cells for row in _rows_of(session, rows)]
-    label = session[1]
-    if label is None and len({row.get("session_id") for row in known}) > 1:
-        return None  # the name of the surface does not say which session it is from
-    given = [(name, row) for row in known if (name := next((one for one in columns if one in row), None))]
-    given = [(name, row) for name, row in given if row[name].strip().lower() not in _MISSING]
-    if not given:
-        return None
-    name = given[0][0]
-    texts = list(dict.fromkeys(row[name] for one, row in given if one == name))
-    entry = next((entry for key, entry in sidecar.items() if key.lower() == name.lower()), None)
-    column = _column(table, name, entry, named=named)
-    shared = label is not None and not given[0][1].get("session_id")
-    return _Reading(session, column, " and ".join(texts), _weeks(texts, column), shared)
-
-
-def _weeks(texts: Sequence[str], column: Column) -> float | None:
-    """The one gestational age that the rows of a session give; None if they give none, or several."""
-    values = {number(text) for text in texts}
-    value = values.pop() if len(values) == 1 else None
-    if value is None or column.refused:
-        return None
-    weeks = round(value * WEEKS[column.unit], 2)
-    return weeks if SCAN_AGES[0] <= weeks <= SCAN_AGES[1] else None
-
-
-def _column(table: str, name: str, entry: object, *, named: bool) -> Column:
-    """How a column is read, according to its sidecar."""
-    said = {key.lower(): str(value) for key, value in entry.items()} if isinstance(entry, Mapping) else {}
-    written, description = said.get("units", ""), f"{said.get('longname', '')} {said.get('description', '')}"
-    about = f"{description} {written}"
-    units = _units_in(written)
-    described = _described_units(description)
-    parent = re.search(_PARENT, about, re.IGNORECASE)
-    born = name == FROM_BIRTH and (parent or not re.search(_GESTATION, about, re.IGNORECASE))
-    from_birth = re.search(_BIRTH, about, re.IGNORECASE)
-    reason = "it is the age of a parent" if parent else _AT_BIRTH if from_birth else ""
-    if written:
-        source = f"its sidecar says Units: {written}"
-        if not units:
-            return Column(table, name, "an unknown unit", source, "these Units are not understood")
-        if len(units) > 1:
-            return Column(table, name, units[0], source, f"its Units name {' and '.join(units)}")
-        if described and units[0] not in described and not reason:
-            return Column(
-                table,
-                name,
-                units[0],
-                source,
-                f"by its description it is in {' or '.join(described)}",
-                " (mend the Units or the description in the sidecar)",
-            )
-        return Column(table, name, units[0], source, reason or (_AT_BIRTH if born and units != ["weeks"] else ""))
-    if born and not named:
-        return Column(table, name, "years", "BIDS, where no sidecar has Units", reason or _AT_BIRTH)
-    if described and "weeks" not in described:
-        only = "" if reason else f" (say Units: {described[0]} in the sidecar)"
-        return Column(table, name, described[0], "by its description", reason or "a description is not a unit", only)
-    return Column(table, name, "weeks", "no sidecar has its Units", reason)
-
-
-def _units_in(text: str) -> list[str]:
-    """The units of time that Units name; none where they hold something else, too."""
-    words = re.findall(r"[^\s(),;]+", text.lower().replace("-", " "))
-    units = [[unit for unit, names in _UNITS.items() if re.fullmatch(names, word)] for word in words]
-    known = all(unit or re.fullmatch(_BESIDE_UNIT, word) for unit, word in zip(units, words, strict=True))
-    return list(dict.fromkeys(unit for found in units for unit in found)) if known else []
-
-
-def _described_units(text: str) -> list[str]:
-    """The units of ages that a description names."""
-    words = {unit: rf"\b{unit}\b|\bin {unit[:-1]}\b" for unit in WEEKS}
-    words["months"] += r"|\b(mos?|mths?)\b"
-    words["years"] += r"|\b(yrs?|y)\b"
-    words["weeks"] += r"|\bwks?\b"
-    return [unit for unit, pattern in words.items() if re.search(pattern, text, re.IGNORECASE)]
-
-
-def _in_words(readings: Sequence[_Reading]) -> list[str]:
-    """Which columns were read, what was not read and why, and which sessions share an age, in words."""
-    told = []
-    for column in dict.fromkeys(reading.column for reading in readings):
-        own = [reading for reading in readings if reading.column == column]
-        good = [reading.session for reading in own if reading.weeks is not None]
-        which = f"column {column.name} of {column.table}, in {column.unit} ({column.source})"
-        if column.refused:
-            told.append(f"not read: {which}; {column.refused}{column.remedy or _REMEDY}")
-            continue
-        if good:
-            told.append(f"ages are from {which}: {_counted(good)}")
-        if bad := [reading for reading in own if reading.weeks is None]:
-            low, high = SCAN_AGES
-            told.append(
-                f"not read: {len(bad)} of {which}, as {bad[0].text} of {_named(bad[0].session)}: "
-                f"no age from {low:g} to {high:g} gestational weeks "
-                "(give one number, and its unit in the sidecar, as Units)"
-            )
+def _shared(readings: Sequence[_Reading]) -> list[str]:
+    """Which sessions share the one age of their participant, in words."""
     shared: dict[tuple[str, float], list[str]] = {}
     for reading in readings:
         if reading.shared and reading.weeks is not None:
             participant, label = reading.session
             shared.setdefault((participant, reading.weeks), []).append(f"ses-{label}")
-    return told + [
+    return [
         f"sub-{participant}: {', '.join(labels)} share the one age of their participant, {weeks:g} weeks "
         "(a sessions table can give each session its own age)"
         for (participant, weeks), labels in shared.items()
         if len(labels) > 1
     ]
+
+
+def _unused(
+    sessions: Sequence[Session], tables: Mapping[Session, Sequence[_Table]], read: Sequence[_Table]
+) -> list[str]:
+    """Tables with nothing but the age of BIDS, and rows that match no session although sessions lack one, in words."""
+    told = [
+        f"not read: column {_FROM_BIRTH} of {name}, which counts from birth in BIDS (if its ages are gestational, name "
+        "the column in cohort.scan.age_columns)"
+        for name in dict.fromkeys(table.name for table in read if table.column is None and table.has_age)
+    ]
+    lacking = [session for session in sessions if not any(table.rows_of(session) for table in tables[session])]
+    for table in read:
+        asking = [session for session in sessions if table in tables[session]]
+        without = [session for session in lacking if session in asking]
+        matched = {row.line for session in asking for row in table.rows_of(session)}
+        rows = [row for some in table.rows.values() for row in some if row.line not in matched]
+        if rows and without:
+            shown = [f"line {row.line}, {' '.join(row.cells.values())!r}" for row in rows[:_MOST_ROWS]]
+            more = [f"and {len(rows) - _MOST_ROWS} more"] * (len(rows) > _MOST_ROWS)
+            told.append(
+                f"{table.name}: {len(rows)} of its rows match no surface ({'; '.join(shown + more)}), and "
+                f"{len(without)} participants or sessions have no row, as {_named(without[0])} (separate values by "
+                "tabs; participant_id is the label of the folder, session_id that of the session)"
+            )
+    return told
 
 
 def _counted(sessions: Sequence[Session]) -> str:
@@ -309,45 +223,42 @@ def _named(session: Session) -> str:
     return f"sub-{participant}" + (f" ses-{label}" if label else "")
 
 
-def _sidecar(path: Path, table: str) -> Mapping[str, object]:
-    """Content of the JSON file beside a table; for sessions tables, also of the one at the root of the dataset."""
-    beside = path.with_suffix(".json")
-    root = Path(*path.parts[: len(path.parts) - len(Path(table).parts)])
-    general = root / (path.stem.rpartition("_")[2] + ".json")
-    said: dict[str, object] = {}
-    for file in dict.fromkeys((general, beside)):
-        if path.exists() and file.is_file():
-            try:
-                data = json.loads(content(file).decode("utf-8-sig"))
-            except (ValueError, RecursionError) as error:
-                raise InputError(f"is not JSON: {error}", file=file, remedy="mend it, or delete it") from None
-            if not isinstance(data, dict):
-                raise InputError("holds no keys", file=file, remedy="give one key per column of the table")
-            said |= data
-    return said
-
-
-def _rows_by_participant(path: Path, columns: Sequence[str]) -> _RowsByParticipant:
-    """Rows of a table by the participant's label, which is empty if the table has no such column.
-
-    Columns that are looked for may be written in another case.
-    """
+def _read(name: str, path: Path, columns: Sequence[str]) -> _Table:
+    """A table; columns that are looked for may be written in another case."""
     table, _ = read_uneven_tsv(path)
     if len(table.columns) == 1 and (other := re.search(r"[;,]|\s+", table.columns[0])):
         what = f"line 1: {table.columns[0]!r} is one column: {other[0]!r} separates its values, not a tab"
         raise InputError(what, file=path, remedy="separate values by tabs")
-    wanted = {name.lower(): name for name in (*columns, "participant_id", "session_id")}
-    names = [wanted.get(name.lower(), name) for name in table.columns]
-    for name in wanted.values():
-        if names.count(name) > 1:
+    wanted = {one.lower(): one for one in (*columns, "participant_id", "session_id")}
+    names = [wanted.get(one.lower(), one) for one in table.columns]
+    for one in wanted.values():
+        if names.count(one) > 1:
             raise InputError(
-                f"line 1: {names.count(name)} columns are called {name}", file=path, remedy="keep one of them"
+                f"line 1: {names.count(one)} columns are called {one}", file=path, remedy="keep one of them"
             )
-    found: _RowsByParticipant = {}
-    rows = table.set_axis(names, axis="columns").to_dict("records")
-    for line, cells in zip(table.index, rows, strict=True):
-        found.setdefault(_label(cells.get("participant_id", "")), []).append(_Row(line, cells))
-    return found
+    rows: dict[str, list[_Row]] = {}
+    for line, cells in zip(table.index, table.set_axis(names, axis="columns").to_dict("records"), strict=True):
+        rows.setdefault(_label(cells.get("participant_id", "")), []).append(_Row(line, cells))
+    column = next((one for one in columns if one in names), None)
+    return _Table(name, rows, column, _unit(column, name, path) if column else "", _FROM_BIRTH in names)
+
+
+def _unit(column: str, name: str, path: Path) -> str:
+    """The Units of a column, by the sidecar of its table or, for sessions tables, by the one of the dataset."""
+    root = Path(*path.parts[: len(path.parts) - len(Path(name).parts)])
+    general = root / (path.stem.rpartition("_")[2] + ".json")
+    unit = ""
+    for file in dict.fromkeys((general, path.with_suffix(".json"))):
+        if file.is_file():
+            try:
+                said = json.loads(content(file).decode("utf-8-sig"))
+            except (ValueError, RecursionError) as error:
+                raise InputError(f"is not JSON: {error}", file=file, remedy="mend it, or delete it") from None
+            if not isinstance(said, dict):
+                raise InputError("holds no keys", file=file, remedy="give one key per column of the table")
+            entry = next((entry for key, entry in said.items() if key.lower() == column.lower()), None)
+            unit = str(entry.get("Units", unit)).strip() if isinstance(entry, dict) else unit
+    return unit
 
 
 def _label(text: str) -> str:

@@ -48,8 +48,7 @@ def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], obj
     found = _surfaces(directory, patterns, say)
     sessions = list(dict.fromkeys((participant, session) for participant, session, _ in found))
     tables = {key: _age_tables(directory, *key, patterns) for key in sessions}
-    named = "age_columns" in patterns.model_fields_set
-    ages, told = ages_at_scan(sessions, tables, patterns.age_columns, named=named)
+    ages, told = ages_at_scan(sessions, tables, patterns.age_columns)
     for sentence in told:
         say(sentence)
     cases = []

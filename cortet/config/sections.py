@@ -57,10 +57,10 @@ class Scan(Section):
     """Table of the sessions of a participant."""
     participants: str = "participants.tsv"
     """Table of all participants, used if the sessions table has no age."""
-    age_columns: list[str] = ["scan_age", "gestational_age", "ga", "age"]
+    age_columns: list[str] = ["scan_age", "gestational_age", "ga"]
     """Columns that may hold the gestational age at scan. The first that exists is read, in the unit that the sidecar of
-    the table states (Units), else in weeks. In BIDS the column age is in years from birth, so it is read only if its
-    sidecar says weeks or if you set this key."""
+    the table states (`Units`: weeks or days), else in weeks. BIDS counts the column `age` in years from birth, so name
+    it here only if its ages are gestational."""
 
 
 class Cohort(Section):

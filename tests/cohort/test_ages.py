@@ -37,48 +37,16 @@ def ages(folder: Path, patterns: Scan | None = None) -> tuple[list[float | None]
 READ: list[tuple[str, dict[str, str] | None, str, float | str]] = [
     ("scan_age", None, "28.5", 28.5),
     ("ga", {"Description": "at scan"}, "28.5", 28.5),
-    ("age", {"Units": "weeks"}, "28.5", 28.5),
-    ("age", {"Units": "days", "Description": "postmenstrual age"}, "196", 28.0),
     ("gestational_age", {"Units": "d"}, "196", 28.0),
-    ("scan_age", {"Units": "months"}, "6.5", 28.26),
-    # weeks may be qualified, and a description of weeks may speak of days
+    ("scan_age", {"Units": "Weeks"}, "28", 28.0),
+    # the column age of BIDS is in years from birth
+    ("age", None, "28", "counts from birth"),
+    ("age", {"Units": "weeks"}, "28", "counts from birth"),
+    # other units are never weeks
     *(
-        ("age", {"Units": units}, "28", 28.0)
-        for units in ("gestational weeks", "weeks (PMA)", "Weeks of gestation", "wk", "post-menstrual weeks", "w")
+        ("scan_age", {"Units": units}, "28", f"in {units} (give a gestational age in weeks or days)")
+        for units in ("months", "years", "mois", "1/7 weeks", "10 days", "m")
     ),
-    *(
-        ("scan_age", {"Description": text}, "30", 30.0)
-        for text in ("weeks, not days", "age in weeks at the day of scan", "postmenstrual, to one day")
-    ),
-    # the column age of BIDS is in years since birth
-    ("age", None, "28", "in years"),
-    ("age", {"Units": "years"}, "28", "it counts from birth"),
-    ("age", {"Description": "age of the participant"}, "35", "it counts from birth"),
-    ("age", {"Units": "months"}, "28", "it counts from birth"),
-    ("age", {"Units": "weeks", "Description": "age since birth"}, "28.5", "it counts from birth"),
-    ("age", {"Units": "weeks", "Description": "time since the child was born"}, "30", "it counts from birth"),
-    ("age", {"Units": "weeks", "Description": "corrected age"}, "28", "it counts from birth"),
-    ("age", {"Units": "weeks", "Description": "time ex utero"}, "28", "it counts from birth"),
-    ("scan_age", {"Description": "postnatal age"}, "28", "it counts from birth"),
-    ("scan_age", {"Description": "post-natal age, weeks", "Units": "weeks"}, "28", "it counts from birth"),
-    ("ga", {"LongName": "weeks of life"}, "28", "it counts from birth"),
-    ("age", {"Description": "age of the mother at conception"}, "28", "of a parent"),
-    ("age", {"Units": "weeks", "Description": "maternal age at conception"}, "28", "of a parent"),
-    # units that are not understood, or that only a description names, are never weeks
-    *(
-        ("scan_age", {"Units": units}, "28", "these Units are not understood")
-        for units in ("a", "mois", "Jahre", "hours", "1/7 weeks", "mm/week", "10 days", "m", "weeks^2")
-    ),
-    ("age", {"Units": "years (not weeks)"}, "30", "not read"),
-    ("scan_age", {"Description": "30 yrs at most"}, "28", "Units: years in the sidecar"),
-    ("scan_age", {"Description": "age (mo)"}, "28", "Units: months in the sidecar"),
-    ("scan_age", {"Description": "age, y"}, "28", "Units: years in the sidecar"),
-    ("scan_age", {"Description": "postmenstrual age at scan in days"}, "45", "Units: days in the sidecar"),
-    ("scan_age", {"LongName": "age in months", "Description": "at scan"}, "30", "Units: months in the sidecar"),
-    # units and a description that contradict each other
-    ("scan_age", {"Units": "weeks", "Description": "Age in years"}, "30", "by its description it is in years"),
-    ("ga", {"Units": "weeks", "LongName": "GA, days"}, "30", "by its description it is in days"),
-    ("scan_age", {"Units": "days", "Description": "age, weeks"}, "30", "by its description it is in weeks"),
     # values that are no gestational ages
     *(
         ("scan_age", None, text, f"as {text} of sub-a")
@@ -99,24 +67,13 @@ def test_an_age_is_read_by_the_unit_that_the_dataset_states_or_the_reason_is_giv
         assert known == [found] and said.startswith(f"ages are from column {column} of participants.tsv, in ")
 
 
-@pytest.mark.parametrize(
-    ("described", "reason"),
-    [
-        ({"Units": "years"}, "in years"),
-        ({"Units": "mois"}, "not understood"),
-        ({"Description": "Gestational age (Days)"}, "in days"),
-        ({"Units": "weeks", "Description": "Age in years"}, "it is in years"),
-    ],
-)
-def test_a_configuration_that_names_the_column_vouches_for_weeks_unless_the_sidecar_has_a_unit(
-    tmp_path: Path, described: dict[str, str], reason: str
-) -> None:
+def test_a_configuration_may_name_the_column_age_whose_unit_the_sidecar_still_states(tmp_path: Path) -> None:
     named = Scan(age_columns=["age"])
     folder = dataset(tmp_path, "age", {"a": "28"})
     assert ages(folder, named)[0] == [28.0]
-    (folder / "participants.json").write_text(json.dumps({"age": described}))
+    (folder / "participants.json").write_text(json.dumps({"age": {"Units": "years"}}))
     found, said = ages(folder, named)
-    assert found == [None] and reason in said
+    assert found == [None] and "in years" in said
 
 
 def test_columns_and_keys_in_another_case_are_the_same_and_a_column_twice_is_refused(tmp_path: Path) -> None:
@@ -137,14 +94,12 @@ def test_sessions_that_share_the_age_of_their_participant_are_named(tmp_path: Pa
         (folder / f"sub-a/ses-{session}/anat/sub-a_ses-{session}_hemi-L_white.surf.gii").touch()
     _, said = ages(folder)
     assert "sub-a: ses-1, ses-2 share the one age of their participant, 28 weeks" in said
-    (folder / "sub-a/sub-a_sessions.tsv").write_text("session_id\tage\nses-1\t24\nses-2\t200\n")
-    (folder / "sessions.json").write_text('{"age": {"Units": "weeks"}}')
+    (folder / "sub-a/sub-a_sessions.tsv").write_text("session_id\tga\nses-1\t168\nses-2\t2000\n")
+    (folder / "sessions.json").write_text('{"ga": {"Units": "days"}}')
     found, said = ages(folder)
     assert found == [28.0, 24.0, 28.0, 30.0], "what the sessions table does not say comes from the participants table"
-    assert "not read: 1 of column age of sub-{participant}" in said and "as 200 of sub-a ses-2" in said
-    assert (
-        "share" not in said and "ages are from column age of sub-{participant}/sub-{participant}_sessions.tsv" in said
-    )
+    assert "not read: 1 of column ga of sub-{participant}" in said and "as 2000 of sub-a ses-2" in said
+    assert "share" not in said and "ages are from column ga of sub-{participant}/sub-{participant}_sessions.tsv" in said
 
 
 @pytest.mark.parametrize("separator", [";", ",", " ", "   "])
@@ -168,7 +123,7 @@ def test_rows_that_match_nobody_are_counted_and_named(tmp_path: Path) -> None:
 
 
 def test_a_sidecar_that_is_none_is_refused(tmp_path: Path) -> None:
-    folder = dataset(tmp_path, "age", {"a": "28"})
+    folder = dataset(tmp_path, "scan_age", {"a": "28"})
     for text, words in (("{", "is not JSON"), ("[1]", "holds no keys")):
         (folder / "participants.json").write_text(text)
         with pytest.raises(InputError, match=rf"participants.json: {words}"):
@@ -178,7 +133,7 @@ def test_a_sidecar_that_is_none_is_refused(tmp_path: Path) -> None:
 def test_the_command_says_which_column_it_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = dataset(tmp_path / "bids", "age", {"a": "28"}, {"Units": "years"})
     assert main(["cohort", "scan", str(folder), "-o", str(tmp_path / "cohort.tsv")]) == 0
-    assert "not read: column age of participants.tsv, in years" in capsys.readouterr().out
+    assert "not read: column age of participants.tsv, which counts from birth" in capsys.readouterr().out
     assert [case.scan_age for case in read_sheet(tmp_path / "cohort.tsv")] == [None]
 
 
