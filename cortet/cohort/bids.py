@@ -155,14 +155,14 @@ def require_own_output(output: Path, dataset: Path | None) -> None:
         raise InputError("has braces in its name, which are wildcards to Snakemake", file=output, remedy=remedy)
     if dataset is not None and dataset.resolve().is_relative_to(output.resolve()):
         what = "is the dataset" if dataset.resolve() == output.resolve() else "contains the dataset"
-        raise InputError(f"{what} that is meshed, so nothing is written there", file=output, remedy=remedy)
+        raise InputError(f"{what} that cortet reads, so it does not write there", file=output, remedy=remedy)
     if (output / DESCRIPTION).exists() and not is_own_output(output):
         raise InputError(
             "was not written by cortet: the folder is another dataset", file=output / DESCRIPTION, remedy=remedy
         )
     if output.is_dir() and not os.access(output, os.R_OK | os.W_OK | os.X_OK):
-        what = "cannot be read and written to: no permission, or a file system that is only read"
-        raise InputError(what, file=output, remedy="mend its permissions, or name another folder")
+        what = "is not readable and writable: no permission, or a read-only file system"
+        raise InputError(what, file=output, remedy="correct its permissions, or name another folder")
     # a run that was killed has left its lock
     begun = any((output / name).exists() for name in (DESCRIPTION, LOCK))
     if not begun and output.is_dir() and any(output.iterdir()):

@@ -47,7 +47,7 @@ def folded(cases: Sequence[Case], which: Cases | None) -> list[Case]:
     asked = chosen(cases, which)
     if ageless := [case.name for case in asked if case.scan_age is None]:
         raise InputError(
-            f"{', '.join(ageless)}: to be folded, but without an age, at which the fold would start",
+            f"{', '.join(ageless)}: selected for folding, but without an age at which to start",
             remedy="give the age in column scan_age of the cohort sheet, gestational weeks, or do not fold the case",
         )
     return asked
@@ -57,7 +57,7 @@ def _says_yes(case: Case, column: str) -> bool:
     """Whether a column of the sheet says yes for a case."""
     if column not in case.extra:
         raise InputError(
-            f"the sheet has no column {column} that says yes or no",
+            f"the sheet has no yes/no column {column}",
             remedy=f"add it; further columns are {', '.join(case.extra) or 'none'}",
         )
     value = case.extra[column]

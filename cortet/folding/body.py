@@ -176,7 +176,9 @@ def body_of(
     if (given := node_field(mesh, THICKNESS_FIELD)) is not None:
         node_thickness = given / scale.length
         if not node_thickness.min() > 0:
-            raise InputError(f"the field {THICKNESS_FIELD} falls to {node_thickness.min() * scale.length:g} mm")
+            raise InputError(
+                f"the field {THICKNESS_FIELD} must be positive, but falls to {node_thickness.min() * scale.length:g} mm"
+            )
     else:
         node_thickness = np.full(len(points), thickness)
     nearest_corner = depth[cells].argmin(axis=1)[:, None]

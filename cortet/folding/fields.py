@@ -16,7 +16,7 @@ def node_field(mesh: TetMesh | TriSurface, name: str) -> FloatArray | None:
     if name not in mesh.point_data:
         return None
     values = mesh.point_data[name]
-    remedy = f"give the mesh another field {name}, or none"
+    remedy = f"correct the field {name}, or leave it out"
     if values.ndim > 1 and values.shape[1:] != (1,):
         shape = " x ".join(map(str, values.shape))
         raise InputError(f"the field {name} has {shape} values, not one per node", remedy=remedy)
@@ -24,6 +24,7 @@ def node_field(mesh: TetMesh | TriSurface, name: str) -> FloatArray | None:
     bad = np.flatnonzero(~np.isfinite(numbers))
     if len(bad):
         raise InputError(
-            f"the field {name} is {numbers[bad[0]]:g} at node {bad[0]}, and at {len(bad)} in all", remedy=remedy
+            f"the field {name} is {numbers[bad[0]]:g} at node {bad[0]}; {len(bad)} of its values are not finite",
+            remedy=remedy,
         )
     return numbers

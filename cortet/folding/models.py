@@ -205,8 +205,8 @@ def check_model(settings: Settings) -> None:
         left = 1 + by_age(law)(ages)
         if not left.min() > 0:
             raise InputError(
-                f"{name} leaves nothing at {ages[left.argmin()]:g} weeks",
-                remedy=f"mend fold.{name}: growth since 22 weeks must stay above -1",
+                f"{name} shrinks tissue to nothing at {ages[left.argmin()]:g} weeks",
+                remedy=f"correct fold.{name}: growth since 22 weeks must stay above -1",
             )
 
 
@@ -277,8 +277,8 @@ def _places(mesh: TetMesh, keys: Sequence[int | str], setting: str) -> IntArray:
         if not (places == place).any():
             mine = mesh.cell_data[REGION] == int(key) if key in numbers else mesh.sets.cells[str(key)]
             others = ", ".join(str(keys[one - 1]) for one in np.unique(places[mine]))
-            what = f"{setting} names {key}, all of whose tetrahedra {others} takes"
-            raise InputError(what, remedy="name each region once, a part of one after it")
+            what = f"{setting} names {key}, but all its tetrahedra belong to {others}"
+            raise InputError(what, remedy="name each region once, and a part after the region that contains it")
     return places
 
 
@@ -348,8 +348,8 @@ def _check_one_law(mesh: TetMesh, settings: Settings) -> None:
     }
     if maps and (other := next((name for name, there in others.items() if there), None)):
         raise InputError(
-            f"the mesh has growth that was measured, {maps[0]}, and {other} says something else",
-            remedy="leave out one of them",
+            f"the mesh has measured growth, {maps[0]}, which contradicts {other}",
+            remedy="remove one of the two",
         )
 
 

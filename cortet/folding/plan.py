@@ -48,7 +48,7 @@ class Folds:
         asked = folded(list(self.plan.cases.values()), self.plan.config.fold.cases)
         if shelled := [case.name for case in asked if region_names(case.inner)[0] != OUTERMOST]:
             raise InputError(
-                f"{', '.join(shelled)}: to be folded, but other regions lie around the brain",
+                f"{', '.join(shelled)}: selected for folding, but with other regions around the brain",
                 remedy="give the brain as column surface, or do not fold the case",
             )
         return {case.name for case in asked}

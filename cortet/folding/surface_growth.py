@@ -86,7 +86,7 @@ def measured(early: TriSurface, later: TriSurface, width_mm: float | None = None
     if max(area_growth, volume_growth) < 1:
         raise InputError(
             f"the later surface is smaller than the early one: its area is {area_growth:.2f} and its volume "
-            f"{volume_growth:.2f} of those",
+            f"{volume_growth:.2f} of the early ones",
             remedy="give the early surface and its age first",
         )
     order = np.argsort(ratio)

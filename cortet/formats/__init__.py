@@ -93,7 +93,7 @@ def format_of(path: Path) -> Format:
     endings = ", ".join(form.suffix for form in FORMATS.values())
     instead = INSTEAD.get(path.suffix.removeprefix("."))
     remedy = f"write .{instead}" if instead else f"use a name ending in {endings}"
-    raise InputError("is of no format that cortet writes", file=path, remedy=remedy)
+    raise InputError("has a file extension that cortet does not write", file=path, remedy=remedy)
 
 
 def read_mesh(path: Path, *, unit: str = "um") -> TetMesh:
@@ -115,7 +115,7 @@ def read_mesh(path: Path, *, unit: str = "um") -> TetMesh:
         return by_meshio.read(path)
     endings = ", ".join([".pts", *by_meshio.READERS])
     remedy = _NOT_READ.get(path.suffix, f"give a file that ends in {endings}")
-    raise InputError("is of no mesh format that cortet reads", file=path, remedy=remedy)
+    raise InputError("has a file extension that cortet does not read as a mesh", file=path, remedy=remedy)
 
 
 def require_holes(holes: Collection[str], solver: str) -> None:

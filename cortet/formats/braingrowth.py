@@ -53,6 +53,6 @@ def read(path: str | Path) -> TetMesh:
         points = np.loadtxt(lines[1:first], ndmin=2)
         nodes = np.loadtxt(lines[first + 1 : first + 1 + int(lines[first])], np.int64, ndmin=2)[:, [1, 2, 4, 3]]
     except (ValueError, IndexError) as error:
-        raise DamagedFileError(f"is no mesh of BrainGrowth: {error}", file=path) from error
+        raise DamagedFileError(f"is not a BrainGrowth mesh: {error}", file=path) from error
     points, cells, _ = compact(points, in_range(nodes - 1, len(points), "node", path))
     return sound(path, points, cells)

@@ -82,7 +82,7 @@ def read(path: Path) -> TetMesh:
     if other := sorted({*kinds} - _FLAT - {"tetra"}):
         raise InputError(f"holds cells of type {other[0]}, not only tetrahedra", file=path, remedy=_REMEDY)
     if "tetra" not in kinds:
-        raise InputError(f"holds no tetrahedra, but {', '.join(kinds) or 'nothing'}", file=path, remedy=_REMEDY)
+        raise InputError(f"has no tetrahedra, only {', '.join(kinds) or 'nodes'}", file=path, remedy=_REMEDY)
     of_cells = {name: _of("tetra", found, blocks) for name, blocks in found.cell_data.items()}
     if (number := next((of_cells.pop(name) for name in _NUMBERS if name in of_cells), None)) is not None:
         of_cells[REGION] = number
@@ -128,7 +128,7 @@ def _read_nastran(path: Path) -> Any:
     if not 0 <= text.find(b"BEGIN BULK") < text.find(b"\nENDDATA"):
         raise DamagedFileError("does not hold bulk data from BEGIN BULK to ENDDATA", file=path)
     if card := _ELSEWHERE.search(text):
-        what = f"holds what is not read: {card[0].decode('ascii', 'replace').strip()}"
+        what = f"has a card that cortet does not read: {card[0].decode('ascii', 'replace').strip()}"
         raise InputError(what, file=path, remedy=_REMEDY)
     found = meshio.nastran.read(str(path))
     solids = _of("tetra", found, found.cell_data["nastran:ref"])
@@ -172,7 +172,7 @@ def _of_all_types(file: Path, path: Path) -> Any:
     with contextlib.redirect_stderr(io.StringIO()) as said:
         found = read_file(str(file))
     if left := re.search(r"cannot handle \((type \d+)\)", " ".join(said.getvalue().split())):
-        raise InputError(f"holds cells of {left[1]} of VTK, which are not read", file=path, remedy=_REMEDY)
+        raise InputError(f"has VTK cells of {left[1]}, which cortet does not read", file=path, remedy=_REMEDY)
     return found
 
 
@@ -209,7 +209,7 @@ def _require_plain(text: bytes, path: Path) -> None:
     strange += [] if len({*of_blocks}) == len(of_blocks) else ["several blocks *ELEMENT of one ELSET"]
     if strange:
         remedy = "export one part as plain *NODE, *ELEMENT, *NSET and *ELSET, or as VTU"
-        raise InputError(f"holds what is not read: {strange[0]}", file=path, remedy=remedy)
+        raise InputError(f"has content that cortet does not read: {strange[0]}", file=path, remedy=remedy)
 
 
 def _without_element_data(text: bytes, path: Path) -> Any:

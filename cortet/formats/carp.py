@@ -103,7 +103,7 @@ def _rows(path: Path, columns: int, dtype: Any, *, kind: bytes = b"", headed: bo
         if rows.shape != (int(head) if headed else len(rows), columns):
             raise ValueError(f"{rows.shape[0]} rows of {rows.shape[1]} numbers, not {head.decode()} of {columns}")
     except ValueError as error:
-        raise DamagedFileError(f"is no complete file of tetrahedra for CARP: {error}", file=path) from error
+        raise DamagedFileError(f"is not a complete CARP element file: {error}", file=path) from error
     return rows
 
 

@@ -40,11 +40,13 @@ def read(path: Path) -> TriSurface:
     header = _HEADER[kind].search(data) if kind in _HEADER else None
     declared = dict(_DECLARED.findall(data[: header.start()])) if header and kind == ".ply" else {}
     if (kind in _HEADER and not header) or any(int(count) > len(data) for count in declared.values()):
-        raise InputError(f"is no complete {kind[1:].upper()} surface in text or binary", file=path, remedy=_REMEDY)
+        raise InputError(f"is not a complete {kind[1:].upper()} surface, as text or binary", file=path, remedy=_REMEDY)
     if header and kind == ".off":
         rows = [line for line in data[header.end() :].splitlines() if line.strip() and not line.startswith(b"#")]
         if len(rows) != int(header[1]) + int(header[2]):
-            raise InputError("is no OFF surface: more or fewer lines than it declares", file=path, remedy=_REMEDY)
+            raise InputError(
+                "is not a valid OFF surface: it has more or fewer lines than it declares", file=path, remedy=_REMEDY
+            )
     if kind == ".obj":  # meshio takes normals and textures for fields, one for each vertex
         data = b"\n".join(line for line in data.splitlines() if line.split()[:1] in ([b"v"], [b"f"]))
     with TemporaryDirectory(prefix="cortet-surface-") as folder:
@@ -60,6 +62,6 @@ def read(path: Path) -> TriSurface:
         raise InputError("has faces that are not triangles", file=path, remedy=_REMEDY)
     faces = np.concatenate([np.empty((0, 3), int), *corners])
     if declared and (int(declared[b"vertex"]), int(declared[b"face"])) != (len(points), len(faces)):
-        raise InputError("ends before the vertices and faces that it declares do", file=path, remedy=_REMEDY)
+        raise InputError("is truncated: it has fewer vertices or faces than it declares", file=path, remedy=_REMEDY)
     with naming(path):
         return triangulated(points, faces, path)

@@ -99,9 +99,11 @@ def _plain(path: Path) -> NDArray[Any]:
     try:
         values = numbers(text, np.dtype(np.int64 if whole else np.float64))
         if len(values) != len(text.strip().splitlines()):
-            raise ValueError("some lines hold none or several")
+            raise ValueError("some lines have no number or several")
     except ValueError as error:
-        raise InputError(f"is not one number a line: {error}", file=path, remedy="give one number a line") from None
+        raise InputError(
+            f"does not have one number per line: {error}", file=path, remedy="write one number per line"
+        ) from None
     return in_32_bits(values, "labels", path) if whole else values
 
 

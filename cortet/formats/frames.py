@@ -95,9 +95,7 @@ def of_volume(axes: Any, centre: Any, path: str | Path, source: str) -> Coordina
     if not (np.abs(centre) <= _FAR).all():
         why = f"lies at {np.asarray(centre).tolist()} mm"
     if why:
-        logger.warning(
-            "%s: the volume in %s %s: it is ignored, the coordinates are used as they are", path, source, why
-        )
+        logger.warning("%s: the volume in %s %s, so cortet ignores it and keeps the coordinates", path, source, why)
         return CoordinateFrame()
     frame = CoordinateFrame(_UNKNOWN, ANATOMICAL[0], tuple((matrix + 0.0).ravel().tolist()))
     _check(frame, path, _OF_VOLUME.format(source))
@@ -115,9 +113,7 @@ def _of_volume(about: Mapping[str, str], path: str | Path) -> CoordinateFrame:
             values.append(float(about[key]))
         except (KeyError, ValueError):
             why = f"{key} is {repr(about[key]) if key in about else 'missing'}"
-            logger.warning(
-                "%s: its VolGeom metadata are ignored, as %s: coordinates are taken as they stand", path, why
-            )
+            logger.warning("%s: cortet ignores the VolGeom metadata, as %s, and keeps the coordinates", path, why)
             return CoordinateFrame()
     numbers = np.reshape(values, (3, 4))
     return of_volume(numbers[:, :3], numbers[:, 3], path, "its VolGeom metadata")
@@ -137,13 +133,13 @@ def _frame(system: System, path: str | Path) -> CoordinateFrame:
     if not whole.any() or not named:
         if not np.array_equal(whole, np.eye(4)):
             why = "the matrix of its coordinates is 0" if named else f"its spaces are {system[0]!r} and {system[1]!r}"
-            logger.warning("%s: %s: no transform, the coordinates are taken as they stand", path, why)
+            logger.warning("%s: %s, so cortet applies no transform", path, why)
         return CoordinateFrame(dataspace, dataspace)
     if not np.allclose(whole[3], [0, 0, 0, 1], atol=1e-6):
         what = f"the last row of the matrix of its coordinates is {whole[3].tolist()}, not 0 0 0 1"
         raise InputError(what, file=path, remedy=_AGAIN)
     if dataspace == xformspace and not np.allclose(whole, np.eye(4), atol=1e-6):
-        logger.warning("%s: its matrix leads from %s to itself: it is not followed", path, dataspace)
+        logger.warning("%s: its matrix maps %s to itself, so cortet ignores it", path, dataspace)
     return CoordinateFrame(dataspace, xformspace, tuple(whole.ravel().tolist()))
 
 
@@ -168,10 +164,10 @@ def _require_one_way(stated: Sequence[CoordinateFrame], path: str | Path) -> Non
             if apart > _APART:
                 what = f"{other.dataspace} to {other.xformspace} and {one.dataspace} to {one.xformspace}"
                 raise InputError(
-                    f"its systems {what} contradict each other: they lead to locations in {space} up to {apart:.4g} mm "
-                    "apart",
+                    f"its coordinate systems {what} contradict each other: locations in {space} differ by up to "
+                    f"{apart:.4g} mm",
                     file=path,
-                    remedy="keep the one that is true of these coordinates",
+                    remedy="remove the one that is wrong",
                 )
 
 

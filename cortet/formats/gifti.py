@@ -121,7 +121,7 @@ def require_same_hemisphere(path: str | Path, hemisphere: str | None) -> None:
     """Raise InputError if a file states another hemisphere than that of the surface it belongs to; None: unknown."""
     if hemisphere and (named := hemisphere_of(path)) not in (None, hemisphere):
         raise InputError(
-            f"is of hemisphere {named}, as it says, not {hemisphere}",
+            f"is of hemisphere {named} according to its metadata, not {hemisphere}",
             file=path,
             remedy="name the file of the same hemisphere",
         )
@@ -276,7 +276,7 @@ def _fields(arrays: list[_Array], path: str | Path, count: int | None = None) ->
         values = array.values[:, 0] if array.values.ndim == 2 and array.values.shape[1] == 1 else array.values
         if nodes is not None:
             if not np.array_equal(np.sort(nodes), np.arange(count)):
-                what = f"field `{array.name}` lists {len(nodes)} vertices: its values are not of all vertices"
+                what = f"field `{array.name}` lists {len(nodes)} vertices, not all vertices of the surface"
                 raise InputError(what, file=path, remedy="export one value for each vertex of the surface")
             values = values[np.argsort(nodes)]
         fields.append(
@@ -353,7 +353,7 @@ def _external(element: ElementTree.Element, folder: Path, size: int) -> bytes:
     """`size` bytes of the binary file beside the GIfTI file."""
     name = element.get("ExternalFileName", "")
     if Path(name).name != name or not name:
-        raise ValueError(f"external file `{name}` is not beside the file")
+        raise ValueError(f"external file `{name}` is not in the same folder")
     offset = element.get("ExternalFileOffset") or "0"
     if not offset.isdecimal():
         raise ValueError(f"ExternalFileOffset is {offset!r}, not a number of bytes from 0 on")

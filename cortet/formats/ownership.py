@@ -113,7 +113,7 @@ def may_write(path: Path) -> None:
     allowed = guard.force or place in guard.made or guard.is_below_own_folder(place)
     if not allowed and os.path.lexists(path) and not is_ours(path):
         raise InputError(
-            "exists, and cortet did not make it as it is now",
+            "exists, and cortet did not make it, or it has changed since",
             file=path,
             remedy="give another name, or add --force to replace it",
         )
@@ -301,7 +301,7 @@ def _require_short(path: Path) -> None:
     folder = next((one for one in path.absolute().parents if one.is_dir()), Path("/"))
     longest = os.pathconf(folder, "PC_NAME_MAX") - len(temporary_beside(path).name) + len(path.name)
     if (size := len(os.fsencode(path.name))) > longest:
-        what = f"has a name of {size} bytes, and one of at most {longest} can be written"
+        what = f"has a name of {size} bytes, but at most {longest} are allowed here"
         raise InputError(what, file=path, remedy="give a shorter name")
 
 

@@ -123,15 +123,15 @@ def in_range(indices: NDArray[Any], count: int, what: str, path: str | Path) -> 
     """Indices as int32; InputError unless all are at least 0 and below `count`."""
     outside = (indices < 0) | (indices >= count)
     if outside.any():
-        raise DamagedFileError(f"{what} {indices[outside][0]} is not among the {count:,} there are", file=path)
+        raise DamagedFileError(f"{what} {indices[outside][0]} does not exist: there are {count:,}", file=path)
     return indices.astype(np.int32)
 
 
 def require_ascii(names: Iterable[str], path: str | Path) -> None:
     """Raise InputError for a name that a file of ASCII characters cannot hold."""
     if other := [name for name in names if not name.isascii()]:
-        what = f"the format has no letters such as in the name {other[0]!r}"
-        raise InputError(what, file=path, remedy="name fields and sets in plain letters")
+        what = f"the name {other[0]!r} contains characters that the format does not allow"
+        raise InputError(what, file=path, remedy="use plain letters in the names of fields and sets")
 
 
 def triangulated(points: NDArray[Any], corners: NDArray[Any], path: str | Path) -> TriSurface:

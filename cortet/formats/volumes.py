@@ -118,8 +118,8 @@ def read_labels(text: str) -> tuple[Volume, list[int]]:
     for word in match["what"].split(","):
         named = by_name.get(word, [])
         if len(named) > 1:
-            what = f"names the labels {', '.join(map(str, named))} all {word!r}"
-            raise InputError(what, file=label_table(match["file"]), remedy="give their numbers instead")
+            what = f"gives the labels {', '.join(map(str, named))} the same name {word!r}"
+            raise InputError(what, file=label_table(match["file"]), remedy="use their numbers instead")
         key = int(word) if re.fullmatch(r"-?\d{1,18}", word) else next(iter(named), None)
         if key is None or key not in there:
             shown = ", ".join(f"{one} {volume.names.get(one, '')}".strip() for one in there[:20] if one)
@@ -182,7 +182,7 @@ def label_names(path: str | Path) -> dict[int, str]:
         if not re.fullmatch(r"-?\d{1,9}", key):
             raise InputError(f"line {line}: {key!r} is not an index", file=file, remedy=remedy)
         if int(key) in names:
-            raise InputError(f"line {line}: index {key} stands there twice", file=file, remedy="keep one of the two")
+            raise InputError(f"line {line}: label {key} appears twice", file=file, remedy="keep one of the two")
         names[int(key)] = name
     return names
 
@@ -194,7 +194,7 @@ def _volume(image: SpatialImage, path: str | Path, kind: Kind | None) -> Volume:
     if tensors != (kind in ("tensors", "mrtrix")) and kind is not None:
         there = "six numbers" if tensors else "one number"
         remedy = "name it NAME=FILE:tensors" if tensors else "a tensor has six numbers"
-        raise InputError(f"holds {there} per voxel, which are no {kind}", file=path, remedy=remedy)
+        raise InputError(f"holds {there} per voxel, so it cannot hold {kind}", file=path, remedy=remedy)
     if not np.nan_to_num(values).any():
         what = "every voxel is 0" if not np.isnan(values).any() else "no voxel holds a number but 0"
         raise InputError(f"is empty: {what}", file=path, remedy="export it again")

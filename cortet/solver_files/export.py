@@ -136,7 +136,7 @@ def _write_all(
     if isinstance(content, TetMesh):
         content = with_q(content) if form.has_q else content
         if broken := broken_conventions(with_surface(content)):
-            raise StageError("no solver reads this mesh: " + "; ".join(broken), file=final_name(path))
+            raise StageError("solvers cannot read this mesh: " + "; ".join(broken), file=final_name(path))
         held_mesh = held(content, form.holds, groups=form.has_groups)
         kept = boundary_with_fields(held_mesh) if form.is_surface else held_mesh
         lacks = [] if form.is_surface else left_out(content, held_mesh)

@@ -127,7 +127,7 @@ def surfaces_of_labels(
     Several components are NAME1, NAME2 and so on, the largest first.
     """
     if 0 in keys:
-        raise InputError("label 0 is what no label covers", file=Path(volume.file), remedy="name other labels")
+        raise InputError("label 0 is the background", file=Path(volume.file), remedy="name other labels")
     mask = np.isin(volume.values, keys)
     parts, specks = label_surfaces(mask, volume.affine, handles=handles)
     labels = ", ".join(map(str, keys))

@@ -101,8 +101,10 @@ def _named(mesh: TetMesh) -> tuple[Mapping[str, object], ...]:
 def _real(name: str, values: NDArray[Any]) -> NDArray[Any]:
     """The values of a field, (n,) or (n, k), as whole or real numbers of a kind that files have."""
     if values.dtype.kind not in "biuf" or (len(values) and not values.size):
-        what = f"the field {name} has the shape {values.shape} and the type {values.dtype}, which no mesh file holds"
-        raise InputError(what, remedy="give real numbers: of a complex field its real part, or its size")
+        what = (
+            f"the field {name} has the shape {values.shape} and the type {values.dtype}, which no mesh file can store"
+        )
+        raise InputError(what, remedy="give real numbers; for a complex field, its real part or modulus")
     kind = {"?": np.uint8, "e": np.float32, "g": np.float64}.get(values.dtype.char, values.dtype.newbyteorder("="))
     return (values.reshape(len(values), -1) if values.ndim > 2 else values).astype(kind, copy=False)
 

@@ -126,7 +126,7 @@ def in_order(result: TetMesh, mesh: TetMesh, *, file: Path, mesh_file: Path) -> 
 
 def _of_another(what: str, file: Path) -> InputError:
     return InputError(
-        f"is no result on this mesh: it {what}",
+        f"is not a result on this mesh: it {what}",
         file=file,
         remedy="name the mesh that the solver ran on; write its results at the positions before it moved",
     )

@@ -77,7 +77,7 @@ def named_sets(
             raise InputError(f"medial wall: the mesh has no label field {name}", remedy=_known(labels))
         wall |= np.isin(face_labels(labels[name], faces), list(keys))
     if wall.all():
-        raise InputError("medial wall: every face belongs to it", remedy="name the keys of the medial wall only")
+        raise InputError("the medial wall covers the entire surface", remedy="name only the keys of the medial wall")
     outer = (
         {CORTICAL_SURFACE: faces[~wall], MEDIAL_WALL: faces[wall]} if whole else {OUTER_SURFACE: boundary_faces(mesh)}
     )

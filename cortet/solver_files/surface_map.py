@@ -120,12 +120,14 @@ class SurfaceMap:
             first, last = (np.broadcast_to(np.asarray(end, float), len(self.points)) for end in ends)
         except (TypeError, ValueError) as error:
             raise InputError(
-                f"a depth is no number, and not one for each of {len(self.points):,} vertices: {error}",
-                remedy="give mm, one or (v,), or the two ends of a range",
+                f"a depth must be one number, or one for each of {len(self.points):,} vertices: {error}",
+                remedy="give mm: one value, one per vertex, or the two ends of a range",
             ) from error
         unknown = any(np.isnan(end) for end in ends if np.ndim(end) == 0)
         if unknown or np.any((first < 0) | (last < first) | np.isinf(first + last)):
-            raise InputError(f"{depth} is no depth", remedy="give mm from 0 on, the smaller one of a range first")
+            raise InputError(
+                f"{depth} is not a valid depth", remedy="give mm, not below 0, the smaller end of a range first"
+            )
         steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES if (first < last).any() else np.zeros(1)
         known = np.flatnonzero(np.isfinite(self.points).all(axis=1) & np.isfinite(first + last))
         found = []

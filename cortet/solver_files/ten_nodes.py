@@ -46,7 +46,11 @@ def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> list[st
     """
     writer = _WRITERS.get(path.suffix)
     if writer is None:
-        raise InputError("is of no format for ten-node elements", file=path, remedy=f"use {', '.join(_WRITERS)}")
+        raise InputError(
+            "has a file extension that cortet does not write with ten-node elements",
+            file=path,
+            remedy=f"use {', '.join(_WRITERS)}",
+        )
     mesh, renamed = writable(with_surface(mesh), _PLAIN.get(path.suffix, path.suffix[1:]))
     sets = MeshSets(node_sets(mesh, curved), mesh.sets.faces, mesh.sets.cells)
     with atomic_folder(path) as folder:

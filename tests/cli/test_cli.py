@@ -260,7 +260,7 @@ def test_an_error_is_one_line_on_stderr(tmp_path: Path, capsys: pytest.CaptureFi
 @pytest.mark.parametrize(
     ("options", "complaint"),
     [
-        (["-o", "x.obj"], "is of no format"),
+        (["-o", "x.obj"], "does not write"),
         (["-o", "x.vtu", "--cell-size", "0.12345"], "generate.cell_size"),
         (["-o", "x.vtu", "--config", "none.yaml"], "none.yaml: cannot be read"),
         (["-o", "x.vtu", "--field", "thickness=none.shape.gii"], "none.shape.gii"),

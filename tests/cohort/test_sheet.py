@@ -194,7 +194,7 @@ def marked(tmp_path: Path, *words: str, column: str = "fold") -> list[Case]:
 def test_a_column_of_the_sheet_may_choose_cases(tmp_path: Path) -> None:
     cases = marked(tmp_path, "yes", "no", "TRUE", "0", column="simulated")
     assert chosen(cases, {"column": "simulated"}) == [cases[0], cases[2]] == folded(cases, {"column": "simulated"})
-    with pytest.raises(InputError, match="no column fold"):
+    with pytest.raises(InputError, match="column fold"):
         chosen(cases, {"column": "fold"})
     with pytest.raises(InputError, match="column fold of sub-a1_ses-01_hemi-L: 'maybe'"):
         chosen(marked(tmp_path, "yes", "maybe"), {"column": "fold"})
@@ -212,7 +212,7 @@ def test_a_case_without_an_age_is_told_and_not_folded(tmp_path: Path) -> None:
     old, ageless = read_sheet(sheet(tmp_path, *rows, extra="\tfold"))
     assert folded([old, ageless], "all") == [old] and folded([ageless, old], 2) == [old]
     for which in (None, [ageless.name], {"column": "fold"}):
-        with pytest.raises(InputError, match="sub-008_ses-01_hemi-L: to be folded, but without an age"):
+        with pytest.raises(InputError, match="sub-008_ses-01_hemi-L: .* without an age"):
             folded([old, ageless], which)
     (notice,) = ageless_notice([old, ageless], smoothed=True, folded=True)
     assert notice.startswith(f"1 without a gestational age, so not smoothed or folded: {ageless.name}")

@@ -221,7 +221,7 @@ UNPLACED: dict[str, tuple[Callable[[Path], Path], str]] = {
     "a comma in a number": (geometry(C_R="8,0"), "8,0"),
     "axes of zeros": (stated(about=dict.fromkeys(volume_geometry(), "0.0")), "axes of 0"),
     **{
-        f"{key} is {value}": (geometry(**{key: value}), "ignored")
+        f"{key} is {value}": (geometry(**{key: value}), "ignores")
         for key, value in (("C_R", "1e30"), ("C_A", "-10001"), ("C_S", "inf"), ("X_R", "nan"))
     },
 }

@@ -77,7 +77,7 @@ def test_a_file_is_replaced_if_cortet_made_it_and_nobody_edited_it_or_when_force
     with guarded([], files=[path]):
         write(path, "again")
     path.write_text("edited")
-    refused("as it is now", files=[path])
+    refused("changed since", files=[path])
 
 
 def test_many_commands_may_write_to_one_folder(tmp_path: Path) -> None:

@@ -504,7 +504,7 @@ def test_plain_numbers_are_fields(tmp_path: Path) -> None:
     assert read_label_names(parcels) == {}
     with pytest.raises(InputError, match="no surface"):
         read_surface(thick)
-    with pytest.raises(InputError, match="one number a line"):
+    with pytest.raises(InputError, match="one number per line"):
         read_fields(saved(tmp_path, "two.txt", b"1.0\n1.0 2.0\n"))
 
 

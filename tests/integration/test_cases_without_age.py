@@ -48,4 +48,4 @@ def test_a_case_to_be_folded_needs_an_age_and_nothing_is_run(tmp_path: Path) -> 
     study.config["fold"] = {"cases": ["sub-a_hemi-L"]}
     study.add_case(replace(study.case("a"), scan_age=None), surface(0))
     assert not study.jobs_of_run(succeeds=False)
-    assert "sub-a_hemi-L: to be folded, but without an age" in study.said
+    assert "sub-a_hemi-L: selected for folding, but without an age" in study.said

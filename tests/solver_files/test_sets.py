@@ -122,7 +122,7 @@ def test_names_are_such_that_every_solver_takes_them(ball, text, taken, name):
     ("arguments", "word"),
     [
         ({"medial_wall": {"parcels": [0]}}, "parcels.*area"),
-        ({"medial_wall": {"area": [0, 3, 12]}}, "every face"),
+        ({"medial_wall": {"area": [0, 3, 12]}}, "entire surface"),
         ({"cortex_thickness": "area"}, "area"),
         ({"cortex_thickness": "thick"}, "thick .*thickness, normal, area"),
         ({"tissues": ["large"], "tags": "large"}, "9999998"),
