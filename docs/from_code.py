@@ -36,12 +36,12 @@ PACKAGE = Path(__file__).resolve().parents[1] / "cortet"
 ERRORS = ("InputError", "DamagedFileError", "StageError", "WorkflowError")
 #: functions whose strings are messages though they raise none
 SPEAKERS = {
-    "cohort.ages": ("_in_words",),
+    "cohort.ages": ("_sources", "_shared", "_unused"),
     "cohort.scan": ("scan",),
     "cohort.sheet": ("_row_problems", "read_sheet"),
     "cohort.selection": ("ageless_notice",),
     "config.files": ("_complaint",),
-    "sections": ("_whole_micrometres",),
+    "config.section": ("_whole_micrometres",),
     "formats.tsv": ("_miscounted",),
     "geometry.topology": ("problems",),
     "cohort.status": ("failure_reason",),
@@ -50,7 +50,7 @@ SPEAKERS = {
     "measure.worst": ("_reason",),
     "solver_files.conventions": None,
     "folding.fold": ("_verdict",),
-    "folding.plausible": ("_size", "_side", "check_cells"),
+    "folding.plausible": ("_side", "check_cells"),
 }
 #: what a message says at this place depends on the case
 GAP = "…"

@@ -79,7 +79,7 @@ def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSur
 
     Raises
     ------
-    InputError, StageError : there is not one right answer, or a setting is impossible
+    CortetError : there is not one right answer, or a setting is impossible
 
     Examples
     --------

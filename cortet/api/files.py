@@ -93,7 +93,7 @@ def improve(
     Raises
     ------
     InputError : the tetrahedra fill no body, no surface is known, or a setting is impossible
-    StageError : a stage failed
+    CortetError : a stage failed
 
     Examples
     --------
@@ -135,7 +135,7 @@ def convert(source: str | Path, target: str | Path, *, force: bool = False) -> l
     Raises
     ------
     InputError : an ending names no format, `source` cannot be read, or `target` exists and cortet did not make it
-    StageError : the mesh breaks a convention of solvers
+    CortetError : the mesh breaks a convention of solvers
 
     Examples
     --------

@@ -368,7 +368,7 @@ def mesh(
     Raises
     ------
     InputError : the surface cannot be meshed, a volume does not contain it, or a setting is impossible
-    StageError : a stage failed
+    CortetError : a stage failed
 
     Examples
     --------

@@ -220,7 +220,9 @@ def growth(
 
     start, end = ages
     if not start < end:
-        raise UsageError(f"the later age, {end:g} weeks, is not after the early one, {start:g}", remedy="give both")
+        raise UsageError(
+            f"the later age, {end:g} weeks, is not after the early one, {start:g}", remedy="give the earlier age first"
+        )
     if output.suffix != ".gii":
         raise UsageError("is not the name of a GIfTI file", file=output, remedy="end it in .func.gii")
     stem = stem_of(output).removesuffix(".func").removesuffix(".shape")

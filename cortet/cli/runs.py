@@ -225,7 +225,7 @@ def workflow(folder: Annotated[CheckedOutput | None, Parameter(name="DIR")] = No
     Parameters
     ----------
     folder
-        New or empty folder for a Snakefile, a short config.yaml and a profile.
+        New or empty folder for a Snakefile, a short config.yaml and profiles.
 
     Examples
     --------

@@ -136,14 +136,17 @@ class Plan(Jobs):
         return [name for name, case in self.cases.items() if case.hemi == hemi and resamples and case.sphere]
 
     def maps(self, hemi: str) -> dict[str, str]:
-        """Maps of the finished cases of a hemisphere, by case, for the first cell size and the first mesher."""
+        """Maps of the finished cases of a hemisphere, by case, for the first cell size and the first mesher.
+
+        While a run is planned, these are the maps that it makes; afterwards, those that exist.
+        """
         files = self.each_case(self.layout.mesh("Solver", "maps.surf.gii"))
         meshes = [
             (name, self.resolutions_of(self.cases[name])[0], self.config.generate.meshers[0])
             for name in self.mapped(hemi)
         ]
-        made = (mesh for mesh in meshes if self.failures.get(mesh, {}).get("stage") != "case_maps")
-        return {mesh[0]: files[mesh] for mesh in made if self.is_measured(mesh)}
+        made = {mesh[0]: files[mesh] for mesh in meshes if self.is_measured(mesh)}
+        return {case: path for case, path in made.items() if self.failed is None or Path(path).exists()}
 
     def about(self, job: Job) -> dict[str, Any]:
         """The facts at the top of the page of a mesh."""
@@ -188,4 +191,9 @@ class Plan(Jobs):
 
     def files_of_cases(self) -> list[str]:
         """All files of single cases that a whole run makes, without those of folds."""
-        return [*self.solver_files(), *self.quality_records(), *self.each_case(self.layout.case_page).values()]
+        return [
+            *self.solver_files(),
+            *self.quality_records(),
+            *self.each_case(self.layout.case_page).values(),
+            *(path for hemi in "LR" for path in self.maps(hemi).values()),
+        ]

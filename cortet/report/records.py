@@ -17,11 +17,14 @@ def read_certificate(path: str | Path) -> dict[str, Any]:
 
     Raises
     ------
-    InputError : the file holds no checks, or is older than the `schema` of certificates
+    InputError : the file holds no checks or no `schema`
     """
     content = read_record(path)
-    if not content.get("checks") or "schema" not in content:
+    if not content.get("checks"):
         raise InputError("is not a certificate", file=path, remedy="delete it, and run the cohort again")
+    if "schema" not in content:
+        what = "was written by an earlier version of cortet, without a schema"
+        raise InputError(what, file=path, remedy="delete it, and run the cohort again")
     return content
 
 

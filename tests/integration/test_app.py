@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from shapes import ball_surface
 
 from cortet.formats.gifti import write_surface
 from tests.integration.study import CONFIG, ROOT, surface
@@ -53,13 +54,17 @@ def dataset(tmp_path: Path) -> Path:
         path = folder / f"{name}_hemi-L_white.surf.gii"
         path.parent.mkdir(parents=True)
         write_surface(surface(number), path)
+    sphere = folder / "sub-01/ses-a/anat/sub-01_ses-a_hemi-L_sphere.surf.gii"
+    write_surface(ball_surface(3, radius=12.0), sphere)  # of the same triangles as `surface`
     path.write_text("no surface")
     (folder / "participants.tsv").write_text("participant_id\tscan_age\nsub-01\t24\nsub-02\t27\n")
     return folder
 
 
 def run(installed: Path, *arguments: str, cwd: Path, **sections: Any) -> subprocess.CompletedProcess[str]:
-    (cwd / "settings.yaml").write_text(json.dumps({"certify": CONFIG["certify"], **sections}))
+    (cwd / "settings.yaml").write_text(
+        json.dumps({"certify": CONFIG["certify"], "resample": {"subdivisions": 3}, **sections})
+    )
     code = "import sys; from cortet.cli import main; sys.exit(main())"
     command = [sys.executable, "-c", code, "run", *arguments]
     options = ["--config", "settings.yaml", "--cell-size", "4", "--cores", "2"]
@@ -114,6 +119,7 @@ def test_participants_then_the_group_with_the_conventional_words(
         "3 cases: 1 certified, 2 unfinished; open out/cohort/index.html; meshes: out/sub-*/**/mesh/*Solver_sets.vtu",
     ]
     assert len(list(out.rglob("*Solver_sets.vtu"))) == 1, "it makes no mesh"
+    assert list((out / "cohort").glob("*hemi-L_desc-mean_maps.shape.gii")), "participant made the maps of the case"
 
     all_of_them = run(installed, "bids", "out", "participant", "group", "--formats", "vtu,inp", cwd=tmp_path)
     assert all_of_them.returncode == 1

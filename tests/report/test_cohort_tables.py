@@ -98,9 +98,11 @@ def test_every_value_is_found_in_a_certificate_and_every_certificate_in_the_shee
     assert list(values.index[values.isna()]) == []
     with pytest.raises(KeyError, match="sub-01_ses-a_hemi-L"):
         quality_table(records, CASES[1:])
-    (tmp_path / "other.json").write_text("{}")
-    with pytest.raises(InputError, match=r"other\.json"):
-        read_certificate(tmp_path / "other.json")
+    older = {key: value for key, value in records[0].items() if key != "schema"}
+    for content, words in (({}, "is not a certificate"), (older, "written by an earlier version")):
+        (tmp_path / "other.json").write_text(json.dumps(content))
+        with pytest.raises(InputError, match=rf"other\.json: .*{words}"):
+            read_certificate(tmp_path / "other.json")
 
 
 def test_sidecars_explain_every_column_and_give_units_and_thresholds(

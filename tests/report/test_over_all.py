@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 from cortet.over_all import results
 from tests.cohort.test_plan import GOOD, MADE, plan
 
@@ -20,9 +22,14 @@ def test_what_says_whether_meshes_are_certified_waits_for_their_certificates() -
     assert set(made["cohort_page"].inputs()) & set(made["cohort_tables"].files), "the page is made of the tables"
 
 
-def test_a_map_that_failed_is_left_out_of_the_means() -> None:
+def test_means_on_the_common_mesh_are_of_the_maps_that_exist(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     resampled = replace(GOOD, sphere=Path("sphere.surf.gii"))
     other = replace(resampled, participant="other")
-    failed = {(resampled.name, 2000, "lattice"): {"stage": "case_maps", "state": "failed", "reason": "a hole"}}
-    assert list(plan(resampled, other).maps("L")) == [resampled.name, other.name]
-    assert list(plan(resampled, other, failures=failed).maps("L")) == [other.name]
+    planned = plan(resampled, other).maps("L")
+    assert list(planned) == [resampled.name, other.name]
+    assert set(planned.values()) <= set(plan(resampled, other).files_of_cases()), "the level group needs them"
+    made = Path(planned[other.name])
+    made.parent.mkdir(parents=True)
+    made.touch()
+    assert list(replace(plan(resampled, other), failed=[]).maps("L")) == [other.name]

@@ -1,4 +1,4 @@
-// Draws what cortet/boundary_view.py made, with three.js. Nothing is fetched.
+// Draws what cortet/report/boundary_view.py made, with three.js. Nothing is fetched.
 "use strict";
 (() => {
   const data = JSON.parse(document.getElementById("boundary").textContent);
