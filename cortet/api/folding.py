@@ -166,13 +166,14 @@ def fold(
         ga, hemi = made.ga if ga is None else ga, hemi or made.hemi
     elif isinstance(made, str | Path):
         ga, hemi = brain_of(Path(made), ga, hemi)
+    chosen = load({"fold": settings}).fold.values()
     if ga is None:
         raise InputError("the gestational age of the mesh is not known", remedy="give ga, in weeks")
     keeper = tempfile.TemporaryDirectory(prefix="cortet-fold-") if folder is None else None
     place = Path(keeper.name if keeper else folder or "")
     if place.exists() and not place.is_dir():
         raise InputError("is a file", file=place, remedy="give the name of a folder")
-    values = {**load({"fold": settings}).fold.values(), "gestational_age": ga, "hemisphere": hemi}
+    values = {**chosen, "gestational_age": ga, "hemisphere": hemi}
     speak = progress if callable(progress) else per_percent(say)
     regions = (*values["core_regions"], *values["region_stiffness"], *values["region_relaxation"])
     if isinstance(made, Mesh) and any(isinstance(region, str) for region in regions):

@@ -185,7 +185,7 @@ def run(
     if fold:
         settings = with_keys(settings, "fold", cases="all")
     cases = app.find(bids_dir, selection, settings, print)
-    print(f"{len(cases)} surfaces of {bids_dir}", flush=True)
+    print(f"{len(cases)} surface{'' if len(cases) == 1 else 's'} of {bids_dir}", flush=True)
     for case in cases if dry_run else ():
         age = "age unknown" if case.scan_age is None else f"{case.scan_age:g} weeks"
         print(f"  {case.name}  {age}  {case.surface}", flush=True)

@@ -132,7 +132,9 @@ def _template_of(path: Path) -> str:
 def _none_found(directory: Path, patterns: Scan, pials: Sequence[Path]) -> InputError:
     """The error for a folder without white surfaces, with what is there instead."""
     what = "no surfaces found"
-    remedy = "check the folder, or set cohort.scan.surfaces; looked for " + ", ".join(patterns.surfaces)
+    first, *others = patterns.surfaces or ["nothing"]
+    more = f", and {len(others)} patterns more" if others else ""
+    remedy = f"check the folder, or set cohort.scan.surfaces; looked for {first}{more}"
     hcp = sorted(directory.glob("*/MNINonLinear/**/*.white*.surf.gii"))
     below = (path for depth in range(1, 5) for path in directory.glob("/".join("*" * depth)))
     away = sorted(filter(content_is_elsewhere, below))
