@@ -222,6 +222,16 @@ def _row(case: Case, folder: Path) -> dict[str, str | float | None]:
 
 def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
     """What is wrong with one row, each as `column NAME: VALUE ... (remedy)`."""
+    yield from _label_problems(row)
+    yield from _age_problems(row)
+    for column, value in row.items():
+        if column == INNER or column.startswith(INNER_PREFIX):
+            yield from _region_problems(column, _region(column), value, row["surface"])
+        yield from _value_problems(column, value, row["surface"])
+
+
+def _label_problems(row: Mapping[str, str]) -> Iterator[str]:
+    """What is wrong with the columns that identify a case, and with those that include or exclude it."""
     for column, prefix in (("participant_id", "sub-"), ("session_id", "ses-")):
         label = row[column].removeprefix(prefix)
         optional = column == "session_id" and label in MISSING
@@ -237,6 +247,10 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
         yield f"column include: {row['include']!r} is neither yes nor no (use yes or no)"
     if row["include"].lower() in NO and row["exclude_reason"] in MISSING:
         yield f"column exclude_reason: {row['exclude_reason']!r} does not say why the row is excluded (give a reason)"
+
+
+def _age_problems(row: Mapping[str, str]) -> Iterator[str]:
+    """What is wrong with the age, which only a phantom needs."""
     youngest, oldest = SCAN_AGES
     if row["scan_age"] in MISSING:
         if row["surface"] == PHANTOM:
@@ -250,46 +264,58 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
             f"(use a number from {youngest:g} to {oldest:g}, or n/a where the age is not known: "
             "the surface is then not smoothed by age)"
         )
-    for column, value in row.items():
-        if column == "surface" and value in MISSING:
-            yield f"column surface: {value!r} names no file (give a GIfTI surface, or {PHANTOM})"
-        named = _region(column) if column.startswith(INNER_PREFIX) else column.removeprefix(VOLUME_PREFIX)
-        if column.startswith((INNER_PREFIX, VOLUME_PREFIX)) and not re.fullmatch(NAME, named):
-            what = "a region" if _region(column) else "a volume"
-            yield f"column {column}: {named!r} is not the name of {what} (use letters and digits only)"
-        if len(_region(column)) > LONGEST_LABEL:
-            yield f"column {column}: {len(_region(column))} characters are too many (use at most {LONGEST_LABEL})"
-        if _region(column) in _STANDING and value not in MISSING:
-            yield f"column {column}: {_region(column)!r} stands for another part of every mesh (use another name)"
-        given = _region(column) and value not in MISSING
-        if given and PHANTOM in (value, row["surface"]) and (column != INNER or value != row["surface"]):
-            yield (
-                f"column {column}: {value!r}, but a {PHANTOM} and nothing else has an inner surface {PHANTOM} "
-                f"(use {PHANTOM} in both columns, surface and {INNER}, or n/a here)"
-            )
-        if column == SPHERE and (value == PHANTOM) != (row["surface"] == PHANTOM) and value not in MISSING:
-            yield (
-                f"column {column}: {value!r}, but a {PHANTOM} and nothing else has the sphere {PHANTOM} "
-                f"(use {PHANTOM} in both columns, surface and {column}, or n/a here)"
-            )
-        if column == UNIT and value not in (*UNITS, *MISSING):
-            yield f"column {column}: {value!r} is not a unit (use {', '.join(UNITS)})"
-        if column == CELL_SIZE and value not in MISSING and not _is_cell_size(number(value)):
-            smallest, largest = CELL_SIZE_MM
-            yield (
-                f"column {column}: {value!r} is not a cell size (use a number from {smallest:g} to {largest:g}, mm, a "
-                "multiple of 0.001, or n/a for the sizes of the configuration)"
-            )
-        is_file = (
-            column in ("surface", SPHERE, AFFINE) or _region(column) or column.startswith((FIELD_PREFIX, VOLUME_PREFIX))
+
+
+def _region_problems(column: str, region: str, value: str, surface: str) -> Iterator[str]:
+    """What is wrong with a column of an inner surface: its region and, against the column `surface`, its value."""
+    if not re.fullmatch(NAME, region):
+        yield f"column {column}: {region!r} is not the name of a region (use letters and digits only)"
+    if len(region) > LONGEST_LABEL:
+        yield f"column {column}: {len(region)} characters are too many (use at most {LONGEST_LABEL})"
+    if value in MISSING:
+        return
+    if region in _STANDING:
+        yield f"column {column}: {region!r} stands for another part of every mesh (use another name)"
+    if PHANTOM in (value, surface) and (column != INNER or value != surface):
+        yield (
+            f"column {column}: {value!r}, but a {PHANTOM} and nothing else has an inner surface {PHANTOM} "
+            f"(use {PHANTOM} in both columns, surface and {INNER}, or n/a here)"
         )
-        if is_file and not _is_file_name(value):
-            yield (
-                f"column {column}: {value!r} cannot be a file name here "
-                "(avoid braces, wildcards, control characters and long names)"
-            )
-        elif _CONTROL.search(value):
-            yield f"column {column}: {value!r} holds a control character (delete it)"
+
+
+def _value_problems(column: str, value: str, surface: str) -> Iterator[str]:
+    """What is wrong with the value of a column, whatever the column is."""
+    if column == "surface" and value in MISSING:
+        yield f"column surface: {value!r} names no file (give a GIfTI surface, or {PHANTOM})"
+    name = column.removeprefix(VOLUME_PREFIX)
+    if column != name and not re.fullmatch(NAME, name):
+        yield f"column {column}: {name!r} is not the name of a volume (use letters and digits only)"
+    if column == SPHERE and (value == PHANTOM) != (surface == PHANTOM) and value not in MISSING:
+        yield (
+            f"column {column}: {value!r}, but a {PHANTOM} and nothing else has the sphere {PHANTOM} "
+            f"(use {PHANTOM} in both columns, surface and {column}, or n/a here)"
+        )
+    if column == UNIT and value not in (*UNITS, *MISSING):
+        yield f"column {column}: {value!r} is not a unit (use {', '.join(UNITS)})"
+    if column == CELL_SIZE and value not in MISSING and not _is_cell_size(number(value)):
+        smallest, largest = CELL_SIZE_MM
+        yield (
+            f"column {column}: {value!r} is not a cell size (use a number from {smallest:g} to {largest:g}, mm, a "
+            "multiple of 0.001, or n/a for the sizes of the configuration)"
+        )
+    if _names_files(column) and not _is_file_name(value):
+        yield (
+            f"column {column}: {value!r} cannot be a file name here "
+            "(avoid braces, wildcards, control characters and long names)"
+        )
+    elif _CONTROL.search(value):
+        yield f"column {column}: {value!r} holds a control character (delete it)"
+
+
+def _names_files(column: str) -> bool:
+    """Whether the values of a column are names of files."""
+    prefixed = column.startswith((INNER_PREFIX, FIELD_PREFIX, VOLUME_PREFIX))
+    return prefixed or column in ("surface", INNER, SPHERE, AFFINE)
 
 
 def _region(column: str) -> str:
