@@ -136,7 +136,7 @@ class Plan(Jobs):
         return [name for name, case in self.cases.items() if case.hemi == hemi and resamples and case.sphere]
 
     def maps(self, hemi: str) -> dict[str, str]:
-        """Maps of the finished cases of a hemisphere, by case, for the first cell size and the first mesher.
+        """Maps of the finished, chosen cases of a hemisphere, by case, for the first cell size and the first mesher.
 
         While a run is planned, these are the maps that it makes; afterwards, those that exist.
         """
@@ -145,7 +145,7 @@ class Plan(Jobs):
             (name, self.resolutions_of(self.cases[name])[0], self.config.generate.meshers[0])
             for name in self.mapped(hemi)
         ]
-        made = {mesh[0]: files[mesh] for mesh in meshes if self.is_measured(mesh)}
+        made = {mesh[0]: files[mesh] for mesh in meshes if mesh in files and self.is_measured(mesh)}
         return {case: path for case, path in made.items() if self.failed is None or Path(path).exists()}
 
     def about(self, job: Job) -> dict[str, Any]:

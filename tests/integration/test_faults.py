@@ -171,7 +171,7 @@ def test_a_full_disk_and_one_that_cannot_be_written_to(study: Study, small_disk:
     remount(small_disk, "ro")
     refused = study.run()
     assert refused.returncode != 0
-    assert "cannot be read and written to" in refused.stdout + refused.stderr
+    assert "is not readable and writable" in refused.stdout + refused.stderr
     assert sums(study.folder, "*tetmesh*") == before
 
     remount(small_disk, "rw")

@@ -29,6 +29,7 @@ def test_means_on_the_common_mesh_are_of_the_maps_that_exist(tmp_path: Path, mon
     planned = plan(resampled, other).maps("L")
     assert list(planned) == [resampled.name, other.name]
     assert set(planned.values()) <= set(plan(resampled, other).files_of_cases()), "the level group needs them"
+    assert list(replace(plan(resampled, other), chosen=frozenset({other.name})).maps("L")) == [other.name]
     made = Path(planned[other.name])
     made.parent.mkdir(parents=True)
     made.touch()
