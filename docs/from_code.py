@@ -36,7 +36,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "cortet"
 ERRORS = ("InputError", "DamagedFileError", "StageError", "WorkflowError")
 #: functions whose strings are messages though they raise none
 SPEAKERS = {
-    "cohort.ages": ("_sources", "_shared", "_unused"),
+    "cohort.ages": ("_sources", "_shared", "_from_birth", "_of_nobody"),
     "cohort.scan": ("scan",),
     "cohort.sheet": ("_label_problems", "_age_problems", "_region_problems", "_value_problems", "read_sheet"),
     "cohort.selection": ("ageless_notice",),

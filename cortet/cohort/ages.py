@@ -110,18 +110,20 @@ def ages_at_scan(
     columns : columns that may hold the age; each table uses the first of them that it has
     """
     sessions = list(sessions)
-    named = dict.fromkeys(one for session in sessions for one in files[session])
-    read = {path: _read(name, path, columns) for name, path in named if path.exists()}
-    tables = {session: [read[path] for _, path in files[session] if path in read] for session in sessions}
+    read: dict[Path, _Table] = {}
     readings: list[_Reading] = []
     for session in sessions:
-        for table in tables[session]:
-            if reading := _reading(session, table):
-                readings.append(reading)
-                if reading.weeks is not None:
-                    break
+        for name, path in files[session]:
+            if path not in read and path.exists():
+                read[path] = _read(name, path, columns)
+            reading = _reading(session, read[path]) if path in read else None
+            readings += [reading] if reading else []
+            if reading and reading.weeks is not None:
+                break
     found = {reading.session: reading.weeks for reading in readings if reading.weeks is not None}
-    return found, [*_sources(readings), *_shared(readings), *_unused(sessions, tables, list(read.values()))]
+    tables = {session: [read[path] for _, path in files[session] if path in read] for session in sessions}
+    ageless = [table for session in sessions if session not in found for table in tables[session]]
+    return found, [*_sources(readings), *_shared(readings), *_from_birth(ageless), *_of_nobody(tables)]
 
 
 def _reading(session: Session, table: _Table) -> _Reading | None:
@@ -132,12 +134,12 @@ def _reading(session: Session, table: _Table) -> _Reading | None:
     label = session[1]
     if label is None and len({row.cells.get("session_id") for row in rows}) > 1:
         return None  # the name of the surface does not say which session it is from
-    cells = {row.cells[table.column].strip(): row for row in rows}
-    given = {text: row for text, row in cells.items() if text.lower() not in _MISSING}
+    given = [row for row in rows if row.cells[table.column].strip().lower() not in _MISSING]
     if not given:
         return None
-    shared = label is not None and not next(iter(given.values())).cells.get("session_id")
-    return _Reading(session, table, " and ".join(given), _in_weeks(list(given), table.weeks), shared)
+    texts = list(dict.fromkeys(row.cells[table.column] for row in given))
+    shared = label is not None and not given[0].cells.get("session_id")
+    return _Reading(session, table, " and ".join(texts), _in_weeks(texts, table.weeks), shared)
 
 
 def _in_weeks(texts: Sequence[str], unit: float | None) -> float | None:
@@ -188,22 +190,25 @@ def _shared(readings: Sequence[_Reading]) -> list[str]:
     ]
 
 
-def _unused(
-    sessions: Sequence[Session], tables: Mapping[Session, Sequence[_Table]], read: Sequence[_Table]
-) -> list[str]:
-    """Tables with nothing but the age of BIDS, and rows that match no session although sessions lack one, in words."""
-    told = [
+def _from_birth(tables: Iterable[_Table]) -> list[str]:
+    """Tables of sessions without an age that have the column `age` alone, in words."""
+    return [
         f"not read: column {_FROM_BIRTH} of {name}, which counts from birth in BIDS (if its ages are gestational, name "
         "the column in cohort.scan.age_columns)"
-        for name in dict.fromkeys(table.name for table in read if table.column is None and table.has_age)
+        for name in dict.fromkeys(table.name for table in tables if table.column is None and table.has_age)
     ]
-    lacking = [session for session in sessions if not any(table.rows_of(session) for table in tables[session])]
-    for table in read:
-        asking = [session for session in sessions if table in tables[session]]
-        without = [session for session in lacking if session in asking]
+
+
+def _of_nobody(tables: Mapping[Session, Sequence[_Table]]) -> list[str]:
+    """Rows that match no session, of the tables of sessions that have no row, in words."""
+    told = []
+    lacking = [session for session, own in tables.items() if not any(table.rows_of(session) for table in own)]
+    for table in dict.fromkeys(table for session in lacking for table in tables[session]):
+        asking = [session for session, own in tables.items() if table in own]
+        without = [session for session in lacking if table in tables[session]]
         matched = {row.line for session in asking for row in table.rows_of(session)}
         rows = [row for some in table.rows.values() for row in some if row.line not in matched]
-        if rows and without:
+        if rows:
             shown = [f"line {row.line}, {' '.join(row.cells.values())!r}" for row in rows[:_MOST_ROWS]]
             more = [f"and {len(rows) - _MOST_ROWS} more"] * (len(rows) > _MOST_ROWS)
             told.append(

@@ -102,6 +102,18 @@ def test_sessions_that_share_the_age_of_their_participant_are_named(tmp_path: Pa
     assert "share" not in said and "ages are from column ga of sub-{participant}/sub-{participant}_sessions.tsv" in said
 
 
+def test_a_table_that_is_not_needed_is_neither_read_nor_spoken_of(tmp_path: Path) -> None:
+    folder, anat = tmp_path, tmp_path / "sub-a/ses-1/anat"
+    anat.mkdir(parents=True)
+    (anat / "sub-a_ses-1_hemi-L_white.surf.gii").touch()
+    (folder / "sub-a/sub-a_sessions.tsv").write_text("session_id\tscan_age\nses-1\t28\n")
+    (folder / "participants.tsv").write_text("participant_id\tage\nsub-a\t2\n")
+    found, said = ages(folder)
+    assert found == [28.0] and "not read" not in said
+    (folder / "participants.tsv").write_text("participant_id;age\nsub-a;2\n")
+    assert ages(folder)[0] == [28.0]
+
+
 @pytest.mark.parametrize("separator", [";", ",", " ", "   "])
 def test_a_table_that_no_tabs_separate_is_refused_with_its_separator(tmp_path: Path, separator: str) -> None:
     folder = dataset(tmp_path, "scan_age", {"01": "28"})
