@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import resource
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -21,10 +22,10 @@ from cortet.errors import CortetError
 from cortet.meshes import TriSurface
 from cortet.phantoms import phantom
 from cortet.pipeline import Meshed, Step, mesh_surface
-from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
 
 ROOT = Path(__file__).resolve().parents[1]
 Row = Mapping[str, Any]
+_PROCESS = Path("/proc/self")
 
 
 def command(about: str | None, *questions: Callable[..., int | None]) -> App:
@@ -98,6 +99,20 @@ def cpu_seconds() -> float:
     """CPU seconds of this process, all its threads, and of its children that ended."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + children.ru_utime + children.ru_stime
+
+
+def reset_peak_memory() -> None:
+    """Start a new measurement of the peak (Linux: proc(5), clear_refs); no effect elsewhere."""
+    if (_PROCESS / "clear_refs").exists():
+        (_PROCESS / "clear_refs").write_text("5")
+
+
+def peak_memory_mb() -> int | None:
+    """Peak resident memory since the last reset, MB; None if the system does not report it."""
+    if not (_PROCESS / "status").exists():
+        return None
+    found = re.search(r"VmHWM:\s+(\d+) kB", (_PROCESS / "status").read_text())
+    return round(int(found[1]) * 1024 / 1e6) if found else None
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 
 import numba
 import numpy as np
-from _frame import Row, Table, alone, command, print_power
+from _frame import Row, Table, alone, command, peak_memory_mb, print_power, reset_peak_memory
 from cubes import cube_mesh
 
 from cortet.folding.body import Material, body_of, scale_of
@@ -31,7 +31,6 @@ from cortet.folding.stability import longest_step
 from cortet.geometry.ordering import ordered_along_curve
 from cortet.geometry.topology import boundary_faces
 from cortet.meshes import TetMesh
-from cortet.report.stage_table import peak_memory_mb, reset_peak_memory
 
 COLUMNS = (
     *("tets", "threads", "wall_s", "cpu_s", "million_element_steps_per_s", "per_cpu_s", "bytes", "GB_per_cpu_s"),

@@ -120,13 +120,32 @@ def compare(
     >>> list(cortet.compare({"mine": "x.vtu"}, "x.meshed.surf.gii").columns)
     ['mine']
     """
-    import pandas as pd
-
-    from cortet.report.comparison_page import comparison_rows
-
     if not (isinstance(meshes, Mapping) and meshes):
         what = "no meshes are given" if isinstance(meshes, Mapping) else "the meshes have no names"
         raise InputError(what, remedy='give them by name: {"mine": mesh}')
-    rows = comparison_rows({name: asdict(certify(one, shape, cell_size)) for name, one in meshes.items()})
-    values = [[value for value, _ in row["values"]] for row in rows]
-    return pd.DataFrame(values, index=[row["name"] for row in rows], columns=list(meshes))
+    found = side_by_side({name: certify(one, shape, cell_size) for name, one in meshes.items()})
+    return found.iloc[:, 1:]
+
+
+def side_by_side(certificates: Mapping[str, Certificate]) -> pd.DataFrame:
+    """A row for each number of some certificates, with its limit, if any, in the first column.
+
+    Parameters
+    ----------
+    certificates : name of the mesh -> its certificate; all made with the same limits
+    """
+    import pandas as pd
+
+    from cortet.report.case_page import ELEMENTS, of_check
+
+    columns = {}
+    limits: dict[str, str] = {}
+    for name, certificate in certificates.items():
+        content = asdict(certificate)
+        checks = [of_check(check) for check in content["checks"]]
+        elements = {number: form.format_map(content["quality"]) for number, form in ELEMENTS.items()}
+        columns[name] = elements | {check["name"]: check["value"] for check in checks}
+        limits |= {check["name"]: check["limit"] for check in checks}
+    table = pd.DataFrame(columns)
+    table.insert(0, "limit", [limits.get(number, "") for number in table.index], allow_duplicates=True)
+    return table

@@ -33,6 +33,7 @@ _OPTIONS = Parameter(negative=(), show_default=False, allow_repeating=True, json
 #: commands that went -> what to use instead
 _WENT = {
     "verify": "went, as the tests read what cortet writes: `cortet certify` checks a mesh",
+    "stages": "went: `cortet mesh` prints the same rows, and `cohort_stages.tsv` has them for a cohort",
     "job": "went: examples/calculix.py and examples/fenics.py write such jobs",
 }
 _PLAIN = DefaultFormatter(panel_spec=PanelSpec(box=Box("    \n" * 8), padding=0))

@@ -14,8 +14,8 @@ from cyclopts import App, Parameter
 from cortet.cli.given import draw, read_mesh, stem_of
 from cortet.cli.shared import MESHES, Common, Limits, Writes, add
 from cortet.cli.values import Below, Depth, FieldsFile, InnerFiles, InputFile, MeshFile, O, OutputFile, Picture, number
-from cortet.errors import InputError, UsageError
-from cortet.formats import FORMATS
+from cortet.errors import InputError
+from cortet.formats.atomic import atomic_path
 from cortet.geometry.limits import THICKNESS_MM
 
 if TYPE_CHECKING:
@@ -153,9 +153,8 @@ def compare(
     files: Annotated[Sequence[Path], Parameter(name="MESH")],
     /,
     *,
-    output: Annotated[OutputFile, O, Parameter(metavar="HTML")],
     surface: InputFile | None = None,
-    table: Annotated[OutputFile | None, Parameter(metavar="TSV")] = None,
+    output: Annotated[OutputFile | None, O, Parameter(metavar="TSV")] = None,
     limits: Limits = Limits(),
     _: Writes = Writes(),
 ) -> int:
@@ -163,41 +162,29 @@ def compare(
 
     Parameters
     ----------
-    output
-        Page for a browser.
     surface
         The surface they fill (default: by the sidecar of the first).
-    table
-        Also write the numbers to this file.
+    output
+        Also write the table to this file.
 
     Examples
     --------
-    cortet compare lh.vtu other.inp --surface lh.pial.surf.gii -o comparison.html
+    cortet compare lh.vtu other.inp --surface lh.pial.surf.gii -o comparison.tsv
     """
-    from cortet.formats.tsv import write_tsv
-    from cortet.report.comparison_page import comparison_rows, write_comparison_page
+    from cortet.api.checking import side_by_side
 
     names = _names_of(files)
     filled, source = filled_surface(files[0], surface)
-    meshes = {name: read_mesh(file) for name, file in names.items()}
-    certificates = {name: asdict(_checked(mesh, filled, names[name], source, limits)) for name, mesh in meshes.items()}
-    write_comparison_page(meshes, certificates, filled, output, source=source.name)
-    if table:
-        rows = comparison_rows(certificates)
-        columns = {"number": "name", "limit": "limit"}
-        write_tsv(
-            [
-                {column: row[key] for column, key in columns.items()}
-                | {name: value for name, (value, _) in zip(meshes, row["values"], strict=True)}
-                for row in rows
-            ],
-            [*columns, *meshes],
-            table,
-        )
+    certificates = {name: _checked(read_mesh(file), filled, file, source, limits) for name, file in names.items()}
+    table = side_by_side(certificates)
+    print(table.to_string(justify="left"))
     for name, certificate in certificates.items():
-        verdict = "certified" if certificate["certified"] else "NOT certified: " + "; ".join(certificate["reasons"])
+        verdict = "certified" if certificate.certified else "NOT certified: " + "; ".join(certificate.reasons)
         print(f"{name}: {verdict}")
-    print(f"{output}: written")
+    if output:
+        with atomic_path(output) as temporary:
+            table.to_csv(temporary, sep="\t", index_label="number")
+        print(f"{output}: written")
     return 0
 
 
@@ -294,22 +281,16 @@ def picture(
     /,
     *,
     output: Annotated[Picture, O],
-    field: InputFile | None = None,
-    name: str | None = None,
     plane: Literal["x", "y", "z"] = "y",
     position: Annotated[float, number(0, 1, "SHARE")] = 0.5,
     view: Literal["left", "right", "front", "back", "top", "bottom"] | None = None,
     region: Annotated[bool | None, Parameter(negative="--no-region")] = None,
     _: Writes = Writes(),
 ) -> int:
-    """Draw a mesh cut open, coloured by region or q, or a map on a surface.
+    """Draw a mesh cut open, coloured by region or q.
 
     Parameters
     ----------
-    field
-        GIfTI with a value per vertex; then MESH is a surface, and the map is drawn on it.
-    name
-        Name of the array in the field (default: the first).
     plane
         Axis normal to the cut.
     position
@@ -323,39 +304,7 @@ def picture(
     --------
     cortet picture lh.vtu -o lh.png --plane x --view right
     """
-    if field is None:
-        if name is not None:
-            raise UsageError("--name selects an array of a field", remedy="add --field FILE")
-        draw(read_mesh(file), output, axis=plane, position=position, view=view, regions=region)
-        return 0
-    if region is not None or view is not None or (plane, position) != ("y", 0.5):
-        what = "--plane, --position, --view and --region are of a mesh, and --field draws a surface"
-        raise UsageError(what, remedy="leave out --field, or the others")
-    if any(file.name.endswith(form.suffix) for form in FORMATS.values() if not form.is_surface):
-        raise UsageError("is a mesh, and --field draws a surface", file=file, remedy="name the surface of the field")
-    if not field.exists():
-        raise InputError("no such file", file=field, remedy="--field is a file, and --name an array in it")
-    from cortet.formats.gifti import hemisphere_of, read_fields, read_surface, require_same_hemisphere
-
-    surface, fields = read_surface(file), read_fields(field)
-    if not fields:
-        raise InputError("holds no values at vertices", file=field, remedy="give a .shape, .func or .label GIfTI")
-    chosen = next(iter(fields)) if name is None else name
-    if chosen not in fields:
-        raise InputError(f"has no array {chosen}", file=field, remedy=f"there are {', '.join(fields)}")
-    values = fields[chosen]
-    if values.shape != (len(surface.points),):
-        raise InputError(
-            f"{chosen} has values of shape {values.shape} for {len(surface.points):,} vertices",
-            file=field,
-            remedy=f"give a map with one number for each vertex of {file}",
-        )
-    require_same_hemisphere(field, hemisphere_of(file))
-    from cortet.report.figures import save
-    from cortet.report.surface_maps import maps_figure
-
-    save(maps_figure(surface, {chosen: values}), output)
-    print(f"{output}: drawn")
+    draw(read_mesh(file), output, axis=plane, position=position, view=view, regions=region)
     return 0
 
 

@@ -1,4 +1,4 @@
-"""Commands that make a mesh: `mesh`, `improve`, `stages`."""
+"""Commands that make a mesh: `mesh`, `improve`."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 
 def add_commands(app: App) -> None:
-    """Add `mesh`, `improve` and `stages`."""
-    add(app, MESHES, mesh, improve, stages)
+    """Add `mesh` and `improve`."""
+    add(app, MESHES, mesh, improve)
 
 
 @Parameter(name="*")
@@ -245,49 +245,6 @@ def improve(
     made.save(output, force=how.force)
     print(f"{companions(output, made.surface.inner, volumes=False).certificate}: every number beside its limit")
     print(f"{output}: written")
-    return 0
-
-
-def stages(
-    surface: Path,
-    /,
-    *,
-    output: Annotated[OutputFile | None, O, Parameter(metavar="TSV")] = None,
-    line: Line = Line(),
-    configured: Configured = Configured(),
-    _: Writes = Writes(),
-) -> int:
-    """Run all stages and tabulate the effect of each.
-
-    Parameters
-    ----------
-    surface
-        Closed surface, GIfTI, mm.
-    output
-        Also write the table to this file.
-
-    Examples
-    --------
-    cortet stages lh.pial.surf.gii --cell-size 1.2
-    """
-    from cortet.config import load
-    from cortet.formats.tables import write_table
-    from cortet.pipeline import run
-    from cortet.report.stage_table import STAGE_COLUMNS, measured_stages
-
-    config = load(configured.settings(line.size))
-    given = line.inputs(surface, config)
-    for said in given.said:
-        print(said)
-    rows = []
-    widths = [max(len(column.name) + 2, 12) for column in STAGE_COLUMNS]
-    print("".join(f"{column.name:>{width}}" for column, width in zip(STAGE_COLUMNS, widths, strict=True)))
-    for row in measured_stages(run(given.surface, config, **given.facts)):
-        values = (column.text(row) for column in STAGE_COLUMNS)
-        print("".join(f"{value:>{width}}" for value, width in zip(values, widths, strict=True)), flush=True)
-        rows.append(row)
-    if output:
-        write_table(STAGE_COLUMNS, rows, output)
     return 0
 
 

@@ -12,7 +12,7 @@ from cyclopts import App, Parameter
 
 from cortet.cli.given import stem_of
 from cortet.cli.shared import SURFACES, Common, Writes, add
-from cortet.cli.values import FolderOfFiles, Hemisphere, InputFile, NamedFiles, O, Picture, SurfaceFile, number
+from cortet.cli.values import FolderOfFiles, Hemisphere, InputFile, NamedFiles, O, SurfaceFile, number
 from cortet.errors import CortetError
 from cortet.formats.atomic import recorded
 from cortet.formats.ownership import may_write
@@ -103,7 +103,6 @@ def repair(
     *,
     output: Annotated[SurfaceFile, O],
     config: InputFile | None = None,
-    picture: Picture | None = None,
     field: NamedFiles = (),
     _: Writes = Writes(),
 ) -> int:
@@ -117,8 +116,6 @@ def repair(
         GIfTI; the report is written next to it.
     config
         YAML file whose section repair holds the limits.
-    picture
-        Also draw the surface before and after.
     field
         Per-vertex field, GIfTI.
 
@@ -129,8 +126,6 @@ def repair(
     from cortet.config import load
     from cortet.formats.gifti import read_surface, write_surface
     from cortet.formats.placement import placed
-    from cortet.geometry.mending import measurable
-    from cortet.measure.lost import distances_to
     from cortet.solver_files.fields import with_fields
     from cortet.stages.repair import repair
 
@@ -142,12 +137,6 @@ def repair(
     made, report = repair(given, chosen.repair, source=str(surface), allow_genus=chosen.gate.allow_genus)
     with recorded(asdict(report), record) as place:
         write_surface(made, place(output))
-        if picture:
-            from cortet.report.figures import save
-            from cortet.report.surface_maps import before_and_after
-
-            file = measurable(given)
-            save(before_and_after(file, made, distances_to(file, made)[len(made.points) :]), place(picture))
     for step in report.steps:
         print(f"{step.count} {step.done}")
     if not report.repaired:
@@ -156,8 +145,6 @@ def repair(
         there, back = report.file_to_surface_mm, report.surface_to_file_mm
         print(f"largest distance from the file to the repaired surface {there.max:.3f} mm, and back {back.max:.3f} mm")
         print(f"volume {report.volume_ml:.2f} mL ({report.relative_volume_change:+.3%})")
-    if picture:
-        print(f"{picture}: drawn")
     print(f"{output}: written, with {record.name}")
     return 0
 
@@ -373,11 +360,6 @@ def labels(
         write_surface(surface, files[own])
     print(*told, sep="\n")
     print(f"{', '.join(map(str, files.values()))}: written")
-    ending = output.name.removeprefix(name)
-    beside = (file for file in output.parent.iterdir() if file.name.startswith(name) and file.name.endswith(ending))
-    earlier = sorted(file.name for file in beside if file.name.removeprefix(name).removesuffix(ending).isdigit())
-    if others := [file for file in earlier if file not in {path.name for path in files.values()}]:
-        print(f"{', '.join(others)}: from an earlier run, left unchanged")
     return 0
 
 

@@ -12,10 +12,10 @@ from matplotlib.colors import Colormap, Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from cortet.meshes import FloatArray, TriSurface
+from cortet.meshes import TriSurface
 from cortet.report.figures import PAGE, drawn, letter
 from cortet.report.pages import SIDES
-from cortet.report.render import reddest, surface_view
+from cortet.report.render import surface_view
 
 #: percent of the vertices that the range of colours leaves out at either end
 _TAIL = 2.0
@@ -54,25 +54,6 @@ def maps_figure(surface: TriSurface, maps: Mapping[str, NDArray[Any]]) -> Figure
             figure.colorbar(colours, ax=row, shrink=0.6, extend="both", label=label)
         if len(maps) > 1:
             letter(axes[:, 0])
-    return figure
-
-
-def before_and_after(before: TriSurface, after: TriSurface, distances: FloatArray) -> Figure:
-    """A surface from the left and the right of the head, and below it the changed surface.
-
-    Parameters
-    ----------
-    distances : (m,) mm, one per face of `after`, which are coloured from white at 0 to red at the largest
-    """
-    limits = (0.0, reddest(distances))
-    with drawn(PAGE, 5.2) as figure:
-        axes = figure.subplots(2, len(SIDES))
-        for (above, below), (side, word) in zip(axes.T, SIDES.items(), strict=True):
-            _show(above, surface_view(before, side=side), f"before, from the {word}")
-            after_view = surface_view(after, side=side, values=distances, limits=limits, colours="Reds")
-            _show(below, after_view, f"after, from the {word}")
-        colours = ScalarMappable(Normalize(*limits), "Reds")
-        figure.colorbar(colours, ax=axes, shrink=0.4, label="distance to the surface before (mm)")
     return figure
 
 

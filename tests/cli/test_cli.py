@@ -25,10 +25,10 @@ from cortet.cli.values import Number, inner_file
 from cortet.cohort.sheet import read_sheet
 from cortet.config import load
 from cortet.formats import vtu
-from cortet.formats.gifti import read_surface, write_fields, write_surface
+from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface, surface_topology
-from cortet.meshes import TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.solver_files.sidecar import sidecar_path
 
 
@@ -76,9 +76,6 @@ def test_wrong_usage_exits_with_2(arguments: list[str], capsys: pytest.CaptureFi
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ("picture x.vtu -o y.png --name sulc", "add --field FILE"),
-        ("picture x.surf.gii -o y.png --field a.shape.gii --view left", "leave out --field, or the others"),
-        ("picture x.vtu -o y.png --field a.shape.gii", "x.vtu: is a mesh, and --field draws a surface"),
         ("mesh x.surf.gii -o y.vtu --slices y.png", "--slices needs a volume"),
         ("mesh x.surf.gii -o y.vtu --inner a=a.gii --inner a=b.gii", "--inner names a twice"),
         ("growth a.gii b.gii --ages 30 28 -o y.func.gii", "not after the early one"),
@@ -89,20 +86,6 @@ def test_options_that_do_not_go_together_are_wrong_usage(
 ) -> None:
     assert main(words.split()) == 2
     assert told in capsys.readouterr().err
-
-
-def test_a_picture_of_a_map_names_what_is_missing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    surface = str(tmp_path / "x.surf.gii")
-    write_surface(ball_surface(2), surface)
-    write_fields({"sulc": np.zeros(162)}, tmp_path / "x.shape.gii")
-    words = ["picture", surface, "-o", str(tmp_path / "y.png"), "--field"]
-    for field, told in (
-        (["sulc"], "sulc: no such file (--field is a file, and --name an array in it)"),
-        ([surface], "holds no"),
-        ([str(tmp_path / "x.shape.gii"), "--name", "depth"], "has no array depth (there are sulc)"),
-    ):
-        assert main([*words, *field]) == 1
-        assert told in capsys.readouterr().err
 
 
 def test_a_folder_for_a_workflow_must_be_empty_and_nothing_forces_it(
@@ -228,12 +211,11 @@ def test_repair_writes_surface_report_and_picture(
     points[3] = np.nan
     broken, out = tmp_path / "broken.surf.gii", tmp_path / "out.surf.gii"
     write_surface(TriSurface(points, surface.faces), broken)
-    assert main(["repair", str(broken), "-o", str(out), "--picture", str(tmp_path / "out.png")]) == 0
+    assert main(["repair", str(broken), "-o", str(out)]) == 0
     shown = capsys.readouterr().out
     assert "1 vertices without finite coordinates removed" in shown
     assert surface_topology(read_surface(out).faces).is_closed_manifold
     assert json.loads((tmp_path / "out.surf.repair.json").read_text())["repaired"]
-    assert (tmp_path / "out.png").stat().st_size > 10_000
 
     assert main(["repair", str(ball), "-o", str(out)]) == 0
     assert "nothing to repair" in capsys.readouterr().out
@@ -558,3 +540,33 @@ def test_who_asks_for_what_went_is_told_what_to_use_instead(
         assert main(words.split()) == 1
     said = capsys.readouterr().err
     assert instead in said and len(said.splitlines()) == 1
+
+
+def test_meshes_of_one_surface_are_compared_by_the_same_limits(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ball = ball_mesh()
+    larger = TetMesh(1.01 * ball.points, ball.cells)
+    for name, mesh in {"exact.vtu": ball, "larger.vtu": larger, "other/exact.vtu": ball}.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        vtu.write(mesh, tmp_path / name)
+    exact, larger_file, twin = (str(tmp_path / name) for name in ("exact.vtu", "larger.vtu", "other/exact.vtu"))
+    surface, table = str(tmp_path / "ball.surf.gii"), tmp_path / "table.tsv"
+    write_surface(boundary_surface(ball)[0], surface)
+    how = ["--surface", surface, "--q-max", "0.99", "--cell-size", "1"]
+    assert main(["compare", exact, larger_file, *how, "-o", str(table)]) == 0
+
+    said = capsys.readouterr().out
+    assert "exact: certified\n" in said
+    assert "larger: NOT certified: distance of a boundary node to the surface" in said
+    rows = read_tsv(table).set_index("number")
+    assert list(rows.columns) == ["limit", "exact", "larger"]
+    distance = rows.loc["Distance of a boundary node to the surface, at most"]
+    assert distance["limit"] == "at most 0.001 mm"
+    off = [float(distance[name].removesuffix(" mm")) for name in ("exact", "larger")]
+    assert off == [pytest.approx(0, abs=1e-6), pytest.approx(0.01, abs=1e-4)], "of a ball of radius 1"
+
+    assert main(["compare", exact, twin, *how]) == 0
+    assert f"{twin}: certified" in capsys.readouterr().out, "files of the same name are told apart"
+    assert main(["compare", exact, exact, *how]) == 1
+    assert "given twice" in capsys.readouterr().err

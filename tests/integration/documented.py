@@ -82,7 +82,7 @@ def blocks() -> Iterator[Block]:
 def coarse(text: str) -> str:
     """The same command or file with fewer triangles and larger cells; of `make` and Snakemake only the plan."""
     text = re.sub(r"(--cell-size |\"cell_size\": )1\.6", r"\g<1>4", text)
-    if re.match("cortet (mesh|stages) ", text) and "--cell-size" not in text:
+    if re.match("cortet mesh ", text) and "--cell-size" not in text:
         text += " --cell-size 4"
     text = re.sub("^cortet phantom ", "cortet phantom --subdivisions 3 ", text)
     text = re.sub("^cortet head ", "cortet head --subdivisions 4 ", text)

@@ -401,21 +401,6 @@ def test_files_of_the_other_hemisphere_are_refused(
     assert not list(folder.glob("r.*.gii")) and not list(folder.glob("r.*.tsv"))
 
 
-def test_any_map_of_a_surface_is_drawn(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    height = heights()
-    write_fields({"height": height, "known": np.where(height > 0, height, np.nan)}, "m.func.gii")
-    for words in ([], ["--name", "known"]):
-        assert main(["picture", "x.surf.gii", "--field", "m.func.gii", *words, "-o", "m.png"]) == 0
-    assert Path("m.png").read_bytes().startswith(b"\x89PNG")
-    write_fields({"height": height[:-1]}, "short.func.gii")
-    for field, words, said in (("m.func.gii", ["--name", "depth"], "depth"), ("short.func.gii", [], "642 vertices")):
-        assert main(["picture", "x.surf.gii", "--field", field, *words, "-o", "no.png"]) == 1
-        assert said in capsys.readouterr().err
-    assert main(["picture", "x.vtu", "--name", "height", "-o", "no.png"]) == 2
-    assert main(["picture", "x.surf.gii", "--field", "m.func.gii", "--plane", "x", "-o", "no.png"]) == 2
-    assert not Path("no.png").exists()
-
-
 def test_sets_are_no_results(folder: Path, mesh: TetMesh) -> None:
     result = pyvista.read("x.vtu")  # as users make one: the mesh, with a field
     result["height"] = result.points[:, 2]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import json
 from dataclasses import replace
@@ -17,14 +16,12 @@ from cortet.config import Config, load
 from cortet.errors import InputError
 from cortet.formats import vtu
 from cortet.formats.gifti import read_surface, write_surface
-from cortet.formats.tables import names
 from cortet.geometry.nesting import nested
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.certify import Certificate
 from cortet.measure.fidelity import fidelity
 from cortet.meshes import TetMesh, TriSurface
 from cortet.pipeline import mesh_surface, run, stages
-from cortet.report.stage_table import STAGE_COLUMNS
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "fetal" / "CRL_STA22_left_white.surf.gii"
 FAST = {"generate": {"cell_size": 5.0, "odt": False, "lloyd": False}}
@@ -172,23 +169,6 @@ def test_an_uncertified_mesh_is_not_written_and_one_of_an_earlier_run_is_gone(
     assert not out.exists()
     assert "must be below 0.05" in capsys.readouterr().out
     assert json.loads((tmp_path / "out.certificate.json").read_text())["certified"] is False
-
-
-def test_the_stage_table_measures_every_stage(
-    file: Path, config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    table = tmp_path / "stages.tsv"
-    assert main(["stages", str(file), "--config", str(config_file), "-o", str(table)]) == 0
-    with table.open(newline="") as opened:
-        rows = {row["stage"]: row for row in csv.DictReader(opened, delimiter="\t")}
-    assert list(rows) == stages(load(FAST), gestational_age=None)
-    assert list(rows["clean"]) == names(STAGE_COLUMNS)
-    assert rows["gate"]["tets"] == "n/a"
-    assert float(rows["generate"]["q_max"]) > float(rows["reconnect"]["q_max"])
-    assert int(rows["clean"]["q_above_0.6"]) == 0
-    assert all(float(rows[stage]["distance_max_mm"]) < 1e-3 for stage in ("generate", "clean", "solver_ready"))
-    assert all(10 < int(row["peak_memory_mb"]) < 10_000 for row in rows.values())
-    assert "reconnect" in capsys.readouterr().out
 
 
 def test_a_real_surface_of_22_weeks_is_certified() -> None:
