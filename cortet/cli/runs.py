@@ -189,8 +189,6 @@ def run(
     for case in cases if dry_run else ():
         age = "age unknown" if case.scan_age is None else f"{case.scan_age:g} weeks"
         print(f"  {case.name}  {age}  {case.surface}", flush=True)
-    for notice in app.source_notice(output_dir, bids_dir):
-        print(f"  {notice}", flush=True)
     work, output = (work_dir or app.work_folder(output_dir)).absolute(), output_dir.absolute()
     if profile and Path(profile).is_dir():
         profile = str(Path(profile).absolute())

@@ -6,7 +6,6 @@ and calls Snakemake there.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 import subprocess
@@ -17,11 +16,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Literal
-from urllib.parse import unquote
 
 import yaml
 
-from cortet.cohort.bids import DESCRIPTION, is_own_output, require_own_output
+from cortet.cohort.bids import is_own_output, require_own_output
 from cortet.cohort.layout import EXPORTED
 from cortet.cohort.lock import hold
 from cortet.cohort.plan import Plan
@@ -32,7 +30,7 @@ from cortet.config import load, read
 from cortet.errors import InputError
 from cortet.formats import child
 from cortet.formats.atomic import atomic_path
-from cortet.formats.ownership import MARKER, json_of, mark
+from cortet.formats.ownership import MARKER, mark
 
 #: state of a case -> how a run counts it; the worst last
 _IN_WORDS = {"certified": "certified", "uncertified": "not certified", "unfinished": "unfinished", "failed": "failed"}
@@ -150,26 +148,6 @@ def find(
         raise InputError("no such folder", file=dataset, remedy="name the root of the dataset")
     scanning = load({"cohort": settings.get("cohort") or {}}).cohort.scan
     return selection.of(scan(dataset, scanning, say), dataset)
-
-
-def source_notice(output: Path, dataset: Path) -> list[str]:
-    """That the output folder holds meshes of another dataset, in words, or nothing."""
-    links = json_of(output / DESCRIPTION).get("DatasetLinks")
-    raw = links.get("raw") if isinstance(links, dict) else None
-    if not isinstance(raw, str):
-        return []
-    made_of = (output / unquote(raw)).resolve()
-    if dataset.resolve() in (made_of, _recorded_dataset(output)):
-        return []
-    return [f"{output} holds meshes of {made_of}: cases of the same name are made again, of {dataset}"]
-
-
-def _recorded_dataset(output: Path) -> Path | None:
-    """The dataset of the last run, by its configuration: the link is relative, and the output may have been moved."""
-    file = work_folder(output) / "config.yaml"
-    with contextlib.suppress(InputError, LookupError, TypeError):
-        return Path(str(read(file)["cohort"]["dataset"])) if file.is_file() else None
-    return None
 
 
 def prepare(

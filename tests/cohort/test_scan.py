@@ -190,27 +190,17 @@ def test_of_two_runs_that_with_both_surfaces_is_taken_where_both_are_asked_for(t
     assert surfaces(folder) == names[:1] and surfaces(folder, Scan(pial=True)) == names[2:]
 
 
-MNI = "100307/MNINonLinear/Native/100307.L.white.native.surf.gii"
-
-
 @pytest.mark.parametrize(
-    ("file", "given", "words"),
+    ("file", "words"),
     [
-        ("sub-01/surf/lh.pial", "", r"1 pial ones, as .*lh\.pial .get the white ones"),
-        (MNI, "", r"1 in the space of a template, as .*get T1w/Native of HCP"),
-        (".gitmodules", "", "datalad get -n -r "),
-        ("x.surf.gii", "", r"no surfaces found .*set cohort\.scan\.surfaces.*_wm\.surf\.gii"),
-        ("sub-01/ses-1/anat/sub-01_ses-2_hemi-L_white.surf.gii", "", "no surfaces found"),
-        (f"{A}_hemi-L_white.surf.gii", "sub-01", "folder of a subject"),
-        ("sub-01/ses-1/anat/sub-01_ses-1_hemi-L_white.surf.gii", "sub-01/ses-1", "folder of a subject"),
-        ("bert/surf/lh.white", "bert", "folder of a subject"),
+        ("sub-01/surf/lh.pial", r"1 pial ones, as .*lh\.pial"),
+        ("x.surf.gii", r"no surfaces found .*cohort\.scan\.surfaces.*_wm\.surf\.gii"),
+        ("sub-01/ses-1/anat/sub-01_ses-2_hemi-L_white.surf.gii", "no surfaces found"),
     ],
 )
-def test_a_folder_without_white_surfaces_says_what_is_there(tmp_path: Path, file: str, given: str, words: str) -> None:
-    folder = touched(tmp_path / "study", file)
-    above = rf".*name {folder}\)" if given else ""
-    with pytest.raises(InputError, match=words + above):
-        scan(folder / given)
+def test_a_folder_without_white_surfaces_says_what_is_there(tmp_path: Path, file: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        scan(touched(tmp_path, file))
 
 
 def test_subjects_whose_labels_are_alike_are_refused(tmp_path: Path) -> None:
@@ -237,13 +227,6 @@ def test_links_whose_content_is_elsewhere_are_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="is a link whose content is not here") as error:
         read_surface(surf / "rh.pial")
     assert str(error.value) == str(missing_surface(surf / "rh.pial", column="surface"))
-
-
-def test_a_folder_of_links_alone_says_so(tmp_path: Path) -> None:
-    (tmp_path / "sub-01").mkdir()
-    (tmp_path / "sub-01/anat").symlink_to("../.git/annex/objects/x")
-    with pytest.raises(InputError, match=r"1 links whose content is not here, as (.*sub-01/anat) .datalad get \1,"):
-        scan(tmp_path)
 
 
 def test_a_sheet_names_links_not_what_they_lead_to(tmp_path: Path) -> None:
