@@ -301,7 +301,7 @@ def cohort_page(plan: Plan) -> Results:
             save(cohort_figure(Path(tables["quality"][0]), **_limits(plan)), *figure)
             for hemi, files in maps.items():
                 if cases := plan.maps(hemi):
-                    write_maps(list(cases.items()), *files)
+                    write_maps(list(cases.items()), hemi, *files)
                 else:
                     _delete(files)
             for part in parts:

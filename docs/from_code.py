@@ -36,7 +36,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "cortet"
 ERRORS = ("InputError", "DamagedFileError", "StageError", "WorkflowError")
 #: functions whose strings are messages though they raise none
 SPEAKERS = {
-    "cohort.ages": ("_sources", "_shared", "_from_birth", "_of_nobody"),
+    "cohort.ages": ("ages_at_scan", "_remark", "_of_one_age"),
     "cohort.scan": ("scan",),
     "cohort.sheet": ("_label_problems", "_age_problems", "_region_problems", "_value_problems", "read_sheet"),
     "cohort.selection": ("ageless_notice",),
@@ -316,7 +316,10 @@ def _messages_of(path: Path) -> list[Message]:
     tree = ast.parse(path.read_text(encoding="utf-8"))
     outer = _assigned(tree.body)
     found: dict[tuple[int, str], Message] = {}
-    for function in [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]:
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    if gone := {*(SPEAKERS.get(module) or ())} - {function.name for function in functions}:
+        raise LookupError(f"SPEAKERS names functions that {module} does not have: {', '.join(gone)}")
+    for function in functions:
         known = outer | _assigned(ast.walk(function))
         for node, block in _calls(function):
             if getattr(node.func, "id", "") in ERRORS and node.args:

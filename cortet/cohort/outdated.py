@@ -76,8 +76,9 @@ def first_other_stage(plan: Plan, mesh: Mesh) -> str | None:
     job = plan.job(mesh)
     wanted = json.loads(json.dumps(plan.recorded_settings(job), default=str))
     certificate = Path(plan.layout.certificate.format(**job))
-    made = json_of(certificate).get("parameters")
-    if made is None:
+    content = json_of(certificate)
+    made = content.get("parameters")
+    if made is None or "schema" not in content:  # of an earlier version, or damaged
         reports = plan.reports(job)
         return next((stage for stage in wanted if stage in reports and not Path(reports[stage]).exists()), "certify")
     if _has_changed(plan, job, certificate):

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,13 +86,19 @@ def _mean(values: Sequence[NDArray[Any]]) -> NDArray[Any]:
 
 
 def write_maps(
-    cases: Sequence[tuple[str, str]], surface: str | Path, maps: str | Path, sidecar: str | Path, *pictures: str | Path
+    cases: Sequence[tuple[str, str]],
+    hemi: Literal["L", "R"],
+    surface: str | Path,
+    maps: str | Path,
+    sidecar: str | Path,
+    *pictures: str | Path,
 ) -> None:
     """Write the mean surface, its maps, a sidecar that names the cases, and pictures.
 
     Parameters
     ----------
     cases : name of a case, and file of its `case_map`
+    hemi : their hemisphere
     """
     from cortet.report.figures import save  # no job on a case draws
     from cortet.report.surface_maps import maps_figure
@@ -111,4 +117,4 @@ def write_maps(
     )
     scalars = {name: values for name, values in mean.point_data.items() if values.ndim == 1}
     labelled = {_LABELS.get(name, name.replace("_", " ")): values for name, values in scalars.items()}
-    save(maps_figure(mean, labelled), *pictures)
+    save(maps_figure(mean, labelled, hemi), *pictures)

@@ -17,13 +17,11 @@ def read_certificate(path: str | Path) -> dict[str, Any]:
 
     Raises
     ------
-    InputError : the file holds no checks or no `schema`
+    InputError : the file holds no checks or no `schema`, which those of the first versions lack
     """
     content = read_record(path)
-    if not content.get("checks"):
-        raise InputError("is not a certificate", file=path, remedy="delete it, and run the cohort again")
-    if "schema" not in content:
-        what = "was written by an earlier version of cortet, without a schema"
+    if not content.get("checks") or "schema" not in content:
+        what = "is not a certificate of this version of cortet"
         raise InputError(what, file=path, remedy="delete it, and run the cohort again")
     return content
 

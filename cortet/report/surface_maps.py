@@ -42,15 +42,20 @@ def map_view(
     return image, ScalarMappable(Normalize(*limits), colours)
 
 
-def maps_figure(surface: TriSurface, maps: Mapping[str, NDArray[Any]]) -> Figure:
-    """Each map (v,) on a surface, from the left and the right of the head, with its own colours; keys are labels."""
+def maps_figure(surface: TriSurface, maps: Mapping[str, NDArray[Any]], hemi: Literal["L", "R"] | None = None) -> Figure:
+    """Each map (v,) on a surface, seen from both sides, with its own colours; keys are labels.
+
+    Parameters
+    ----------
+    hemi : of the surface, whose sides are then called lateral and medial
+    """
     with drawn(PAGE, 2.6 * len(maps)) as figure:
         axes = figure.subplots(len(maps), len(SIDES), squeeze=False)
         for row, (label, values) in zip(axes, maps.items(), strict=True):
             limits = usual_range(values, 1.0)
             for axis, (side, word) in zip(row, SIDES.items(), strict=True):
                 image, colours = map_view(surface, values, side, limits, size=(900, 675))
-                _show(axis, image, f"from the {word}")
+                _show(axis, image, f"from the {word}" if hemi is None else "lateral" if side == hemi else "medial")
             figure.colorbar(colours, ax=row, shrink=0.6, extend="both", label=label)
         if len(maps) > 1:
             letter(axes[:, 0])

@@ -44,13 +44,16 @@ def test_nothing_reruns_after_a_fresh_checkout_with_every_file_touched(study: St
     assert study.planned_jobs(project=checkout) == set()
 
 
-def test_a_report_leaves_out_damaged_certificates(study: Study) -> None:
+@pytest.mark.parametrize("damaged", [True, False], ids=["damaged", "of an earlier version"])
+def test_a_report_leaves_out_certificates_that_it_cannot_read(study: Study, damaged: bool) -> None:
     table = study.outputs / "cohort/cohort_quality.tsv"
     before = table.read_bytes()
     report(study.outputs)
     assert table.read_bytes() == before
     (file,) = study.files("sub-b*_certificate.json")
-    file.write_text("{}")
+    content = json.loads(file.read_text())
+    del content["schema"]
+    file.write_text("{}" if damaged else json.dumps(content))
     report(study.outputs)
     assert study.status()["sub-b_hemi-L"]["state"] == "unfinished" and "sub-b" not in table.read_text()
 

@@ -63,12 +63,12 @@ def test_files_and_picture_are_written_alike_every_time(tmp_path: Path) -> None:
         write_surface(ball(radius), tmp_path / name)
     out = [tmp_path / name for name in ("mean.surf.gii", "maps.shape.gii", "maps.json", "figure.png")]
     cases = [(name, str(tmp_path / name)) for name in files]
-    write_maps(cases, *out)
+    write_maps(cases, "L", *out)
     assert not read_surface(out[0]).point_data and len(read_surface(out[0]).points) == 642
     fields, sidecar = read_fields(out[1]), json.loads(out[2].read_text())
     assert fields["height"] == pytest.approx(ball(22.0).point_data["height"], rel=1e-6)
     assert fields["lobe"].dtype == np.int32
     assert sidecar["Cases"] == list(files) and sidecar["CasesOfMap"] == {"height": 2, "lobe": 2}
     before = out[3].read_bytes()
-    write_maps(cases, *out)
+    write_maps(cases, "L", *out)
     assert out[3].read_bytes() == before and before[:4] == b"\x89PNG"

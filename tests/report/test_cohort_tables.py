@@ -99,9 +99,9 @@ def test_every_value_is_found_in_a_certificate_and_every_certificate_in_the_shee
     with pytest.raises(KeyError, match="sub-01_ses-a_hemi-L"):
         quality_table(records, CASES[1:])
     older = {key: value for key, value in records[0].items() if key != "schema"}
-    for content, words in (({}, "is not a certificate"), (older, "written by an earlier version")):
+    for content in ({}, older):
         (tmp_path / "other.json").write_text(json.dumps(content))
-        with pytest.raises(InputError, match=rf"other\.json: .*{words}"):
+        with pytest.raises(InputError, match=r"other\.json: .*certificate"):
             read_certificate(tmp_path / "other.json")
 
 
