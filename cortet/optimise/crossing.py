@@ -166,11 +166,11 @@ def _half_way(before: TetMesh, after: TetMesh, vertices: NDArray[np.integer], su
 
 def _warn(mesh: TetMesh, flaws: Flaws) -> None:
     """Log the flaws that remain after all rounds, and where."""
-    words = "boundary faces cross or close a gap", "places of the surface are left behind"
+    words = "boundary faces that cross or close a gap", "places of the surface that are left behind"
     for faces, what in zip(flaws, words, strict=True):
         if len(faces):
             x, y, z = mesh.points[faces[0]].mean(axis=0)
-            logger.warning("%d %s, the first at (%.1f, %.1f, %.1f) mm", len(faces), what, x, y, z)
+            logger.warning("%s: %d, the first at (%.1f, %.1f, %.1f) mm", what, len(faces), x, y, z)
 
 
 def _nothing_left(_: TetMesh) -> IntArray:
