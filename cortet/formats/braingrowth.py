@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cortet.errors import DamagedFileError, InputError
+from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import SURFACE, with_surface
 from cortet.formats.tags import face_tags, region_numbers
 from cortet.formats.text import write_rows
-from cortet.formats.untrusted import content, in_range, sound
+from cortet.formats.untrusted import by_library, content, sound
 from cortet.geometry.topology import boundary_nodes, compact
 from cortet.meshes import TetMesh
 
@@ -48,11 +48,11 @@ def write(mesh: TetMesh, path: str | Path) -> None:
 def read(path: str | Path) -> TetMesh:
     """The nodes and tetrahedra of one of BrainGrowth's own meshes; unused nodes are dropped."""
     lines = content(path).split(b"\n")
-    try:
+    with by_library("a BrainGrowth mesh", path):
         first = int(lines[0]) + 1
         points = np.loadtxt(lines[1:first], ndmin=2)
         nodes = np.loadtxt(lines[first + 1 : first + 1 + int(lines[first])], np.int64, ndmin=2)[:, [1, 2, 4, 3]]
-    except (ValueError, IndexError) as error:
-        raise DamagedFileError(f"is not a BrainGrowth mesh: {error}", file=path) from error
-    points, cells, _ = compact(points, in_range(nodes - 1, len(points), "node", path))
+        if nodes.min() < 1 or nodes.max() > len(points):
+            raise ValueError("a tetrahedron has a node that does not exist")
+        points, cells, _ = compact(points, (nodes - 1).astype(np.int32))
     return sound(path, points, cells)

@@ -18,13 +18,12 @@ from typing import IO, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import DamagedFileError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.components import in_components
 from cortet.formats.numbering import in_32_bits
 from cortet.formats.tags import region_numbers, regions, with_names
 from cortet.formats.text import write_rows
-from cortet.formats.untrusted import content, sound
+from cortet.formats.untrusted import by_library, content, sound
 from cortet.meshes import REGION, MeshSets, TetMesh
 
 Unit = Literal["mm", "um"]
@@ -89,8 +88,9 @@ def read(path: str | Path, *, unit: str = "um") -> TetMesh:
         of_cells["fibre"] = _rows(lon, 3, float, headed=False)
     names = {}
     if (table := _beside(path, _NAMES)).exists():
-        lines = content(table).decode("ascii", "replace").splitlines()[1:]
-        names = {name: int(tag) for tag, name in (line.split("\t") for line in lines)}
+        with by_library("a table of names", table):
+            lines = content(table).decode("ascii", "replace").splitlines()[1:]
+            names = {name: int(tag) for tag, name in (line.split("\t") for line in lines)}
     sets = with_names(MeshSets(), of_cells[REGION], names)
     return sound(path, points / _PER_MM[unit], elements[:, :4], {}, of_cells, sets)
 
@@ -98,12 +98,10 @@ def read(path: str | Path, *, unit: str = "um") -> TetMesh:
 def _rows(path: Path, columns: int, dtype: Any, *, kind: bytes = b"", headed: bool = True) -> NDArray[Any]:
     """The rows of a text, each beginning with `kind`; the first line holds their number if `headed`."""
     head, _, body = content(path).partition(b"\n")
-    try:
+    with by_library("a complete CARP element file", path):
         rows = np.loadtxt(io.BytesIO(body.replace(kind, b"")), dtype, ndmin=2)
         if rows.shape != (int(head) if headed else len(rows), columns):
             raise ValueError(f"{rows.shape[0]} rows of {rows.shape[1]} numbers, not {head.decode()} of {columns}")
-    except ValueError as error:
-        raise DamagedFileError(f"is not a complete CARP element file: {error}", file=path) from error
     return rows
 
 

@@ -8,8 +8,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from cortet.errors import InputError
-from cortet.formats.untrusted import content, naming, triangulated
+from cortet.formats.untrusted import by_library, content, triangulated
 from cortet.meshes import TriSurface
 
 #: what the first bytes of a file look like -> end of the name by which meshio knows it; an OBJ may begin with comments
@@ -23,7 +22,6 @@ _HEADER = {".ply": re.compile(rb"\nend_header\s"), ".off": re.compile(rb"OFF\s+(
 #: another name of the list of corners in PLY, which meshio does not know
 _CORNERS = re.compile(rb"(property list \w+ \w+ )vertex_index\s")
 _DECLARED = re.compile(rb"element (vertex|face) (\d+)")
-_REMEDY = "export the surface again as GIfTI (.surf.gii), or as PLY of triangles"
 
 
 def kind_of(head: bytes) -> str | None:
@@ -37,31 +35,30 @@ def read(path: Path) -> TriSurface:
 
     data = content(path)
     kind = str(kind_of(data))
-    header = _HEADER[kind].search(data) if kind in _HEADER else None
-    declared = dict(_DECLARED.findall(data[: header.start()])) if header and kind == ".ply" else {}
-    if (kind in _HEADER and not header) or any(int(count) > len(data) for count in declared.values()):
-        raise InputError(f"is not a complete {kind[1:].upper()} surface, as text or binary", file=path, remedy=_REMEDY)
-    if header and kind == ".off":
-        rows = [line for line in data[header.end() :].splitlines() if line.strip() and not line.startswith(b"#")]
-        if len(rows) != int(header[1]) + int(header[2]):
-            raise InputError(
-                "is not a valid OFF surface: it has more or fewer lines than it declares", file=path, remedy=_REMEDY
-            )
-    if kind == ".obj":  # meshio takes normals and textures for fields, one for each vertex
-        data = b"\n".join(line for line in data.splitlines() if line.split()[:1] in ([b"v"], [b"f"]))
-    with TemporaryDirectory(prefix="cortet-surface-") as folder:
+    with by_library(f"a {kind[1:].upper()} surface of triangles", path), TemporaryDirectory() as folder:
+        header = _HEADER[kind].search(data) if kind in _HEADER else None
+        if kind in _HEADER and not header:
+            raise ValueError("its header is incomplete")
+        declared = [*map(int, header.groups())] if header and kind == ".off" else []
+        if header and kind == ".ply":
+            counts = dict(_DECLARED.findall(data[: header.start()]))
+            declared = [int(counts[b"vertex"]), int(counts[b"face"])]
+        if any(count > len(data) for count in declared):
+            raise ValueError("it is truncated")
+        if kind == ".obj":  # meshio takes normals and textures for fields, one for each vertex
+            data = b"\n".join(line for line in data.splitlines() if line.split()[:1] in ([b"v"], [b"f"]))
         (unpacked := Path(folder) / f"surface{kind}").write_bytes(_CORNERS.sub(rb"\1vertex_indices\n", data, 1))
-        try:
-            found = {".ply": meshio.ply, ".off": meshio.off, ".obj": meshio.obj}[kind].read(str(unpacked))
-            points = np.asarray(found.points, float)[:, :3]
-            corners = [block.data for block in found.cells if block.type == "triangle"]
-        except Exception as error:  # whatever meshio raises
-            what = f"is no {kind[1:].upper()} surface that meshio reads ({type(error).__name__}: {error})"
-            raise InputError(what, file=path, remedy=_REMEDY) from error
-    if len(corners) < len(found.cells):
-        raise InputError("has faces that are not triangles", file=path, remedy=_REMEDY)
-    faces = np.concatenate([np.empty((0, 3), int), *corners])
-    if declared and (int(declared[b"vertex"]), int(declared[b"face"])) != (len(points), len(faces)):
-        raise InputError("is truncated: it has fewer vertices or faces than it declares", file=path, remedy=_REMEDY)
-    with naming(path):
-        return triangulated(points, faces, path)
+        found = {".ply": meshio.ply, ".off": meshio.off, ".obj": meshio.obj}[kind].read(str(unpacked))
+        points = np.asarray(found.points, float)[:, :3]
+        if any(block.type != "triangle" for block in found.cells):
+            raise ValueError("it has other faces")
+        faces = np.concatenate([np.empty((0, 3), int), *(block.data for block in found.cells)])
+        rows = _rows_of_off(data, header.end()) if header and kind == ".off" else len(points) + len(faces)
+        if declared and (declared != [len(points), len(faces)] or rows != sum(declared)):
+            raise ValueError("it has more or fewer vertices or faces than it declares")
+    return triangulated(points, faces, path)
+
+
+def _rows_of_off(data: bytes, start: int) -> int:
+    """Number of the lines of an OFF file that hold something; meshio leaves out what is too much."""
+    return sum(bool(line.strip()) and not line.startswith(b"#") for line in data[start:].splitlines())

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -28,37 +28,12 @@ from cortet.formats.text import write_rows
 from cortet.formats.untrusted import require_ascii
 from cortet.meshes import FloatArray, IntArray, TetMesh
 
-if TYPE_CHECKING:
-    pass
-
 #: name of the set of all nodes
 ALL_NODES = "all_nodes"
 #: largest number of a region, the id of its material; those of FreeSurfer's cortical labels are below
 _MOST_MATERIALS = 3000
 #: Young's modulus and Poisson's ratio of the placeholder materials, for shear modulus 1 and bulk modulus 5
 _YOUNG, _POISSON = 2.8125, 0.40625
-
-#: sections of a file, in the order of the manual
-SECTIONS = (
-    "Module",
-    "Control",
-    "Globals",
-    "Material",
-    "Mesh",
-    "MeshDomains",
-    "MeshData",
-    "MeshAdaptor",
-    "Initial",
-    "Boundary",
-    "Rigid",
-    "Loads",
-    "Contact",
-    "Constraints",
-    "Discrete",
-    "LoadData",
-    "Output",
-    "Step",
-)
 
 
 def write(mesh: TetMesh, path: str | Path) -> None:
@@ -75,8 +50,6 @@ def write_elements(
     faces: Mapping[str, IntArray],
     fields: Mapping[str, NDArray[Any]],
     path: str | Path,
-    *,
-    sections: Mapping[str, str] | None = None,
 ) -> None:
     """Write `path`, complete or not at all, with `tet4` and `tri3`, or with `tet10` and `tri6` elements.
 
@@ -88,18 +61,15 @@ def write_elements(
     node_sets : name -> nodes
     faces : name -> (f, 3), or (f, 6) whose midside nodes are in the order 1-2, 2-3, 3-1
     fields : name -> (n,) or (n, k) values of the nodes
-    sections : name -> content, for a file that can be run. `Material` replaces the placeholders; other names are those
-        of `SECTIONS` that the mesh does not fill, and `MeshData` if there are no fields
     """
     require_ascii([*node_sets, *faces, *fields, *mesh.sets.cells], path)
     number = region_numbers(mesh)
     parts = {name: np.flatnonzero(number == tag) for name, tag in regions(mesh).items()}
-    more = sections or {}
     element, facet = {4: ("tet4", "tri3"), 10: ("tet10", "tri6")}[cells.shape[1]]
     with atomic_path(path) as temporary, temporary.open("w", encoding="ascii") as file:
         file.write('<?xml version="1.0" encoding="ISO-8859-1"?>\n<febio_spec version="4.0">\n')
         file.write('<Module type="solid"/>\n')
-        _write_sections(file, {"Material": _placeholders(regions(mesh)), **more}, before="Mesh")
+        file.write(f"<Material>\n{_placeholders(regions(mesh))}</Material>\n")
         file.write('<Mesh>\n<Nodes name="nodes">\n')
         ids = np.arange(1, len(points) + 1)
         write_rows(file, '<node id="%d">%.12g,%.12g,%.12g</node>\n', ids, points)
@@ -119,7 +89,6 @@ def write_elements(
             file.write(f"<SolidDomain name={quoteattr(name)} mat={quoteattr(name)}/>\n")
         file.write("</MeshDomains>\n")
         _write_fields(file, fields, ids)
-        _write_sections(file, more, after="Mesh")
         file.write("</febio_spec>\n")
 
 
@@ -134,14 +103,6 @@ def _placeholders(parts: Mapping[str, int]) -> str:
         f"<density>1</density><E>{_YOUNG}</E><v>{_POISSON}</v></material>\n"
         for number in range(1, max(names) + 1)
     )
-
-
-def _write_sections(file: IO[str], sections: Mapping[str, str], *, before: str = "", after: str = "") -> None:
-    """Write, in order, the sections before or after a certain section."""
-    place = SECTIONS.index(before or after)
-    for name in SECTIONS[:place] if before else SECTIONS[place + 1 :]:
-        if name in sections:
-            file.write(f"<{name}>\n{sections[name]}</{name}>\n")
 
 
 def _row(tag: str, nodes: int) -> str:

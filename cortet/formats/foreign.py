@@ -10,37 +10,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
 from cortet.formats import drawn_surfaces, freesurfer, stl
 from cortet.formats.numbering import in_32_bits
-from cortet.formats.untrusted import GZIP, content, numbers, safe_name
+from cortet.formats.untrusted import GZIP, by_library, content, safe_name
 from cortet.meshes import TriSurface
 
 #: number of bytes examined; an OBJ file may begin with comments
 _HEAD = 1 << 16
-#: CIVET: a surface begins with P, five properties of light and the number of vertices, values with a line of one number
-_MNI = re.compile(rb"\s*P(\s+[-+.\dEe]+){5}\s+\d+\s")
+#: plain values, as CIVET writes them, begin with a line of one number
 _NUMBERS = re.compile(rb"\s*[-+.\d]+([eE][-+]?\d+)?[ \t]*\r?\n")
-_VTK = re.compile(rb"<VTKFile[^>]*\btype=[\"'](\w+)")
-_CONVERT = "convert it to GIfTI or PLY: ParaView, or pyvista.read(FILE).save(PLY)"
-#: first bytes and kind of files that are not read; a remedy, if there is one, follows in brackets
-_NAMES: tuple[tuple[bytes, str], ...] = (
-    (b"#!ascii", "a FreeSurfer surface in text (convert it: mris_convert)"),
-    (b"version https://git-lfs", "a pointer of Git LFS, not the file (git lfs pull)"),
-    (b"/annex/objects", "a pointer of git-annex, not the file (datalad get, or git annex get)"),
-    (b"PK\x03\x04", "a ZIP archive (unpack it)"),
-    (b"<!DOCTYPE html", "a web page, not the file (download it again)"),
-    (b"<html", "a web page, not the file (download it again)"),
-    (b"# vtk DataFile", f"a VTK file ({_CONVERT})"),
-    (b"$MeshFormat", "a Gmsh mesh"),
-    (b"*HEADING", "an Abaqus mesh"),
-    (b"\x89HDF", "an HDF5 file"),
-    (b"\x5c\x01\x00\x00", "a NIfTI image"),
-    (b"\x1c\x02\x00\x00", "a NIfTI-2 or CIFTI file"),
-    (b"\x00\x00\x00\x01\x00\x00", "an MGH image"),
-    (b"MATLAB", "a MATLAB file"),
-    (b"mz3", "an MZ3 surface"),
-)
+#: first bytes of files that are not read, and what to do; a remedy, if there is one, follows in brackets
+_NAMES = {
+    b"#!ascii": "a FreeSurfer surface in text (convert it: mris_convert)",
+    b"version https://git-lfs": "a pointer of Git LFS (git lfs pull)",
+    b"/annex/objects": "a pointer of git-annex (datalad get)",
+    b"PK\x03\x04": "a ZIP archive (unpack it)",
+    b"<!DOCTYPE html": "a web page (download the file again)",
+    b"<html": "a web page (download the file again)",
+    b"# vtk DataFile": "a VTK file (convert it to PLY: ParaView, or pyvista.read(FILE).save(PLY))",
+    b"<VTKFile": "a VTK file (convert it to PLY: ParaView, or pyvista.read(FILE).save(PLY))",
+    b"P ": "a surface of MNI (convert it with AFNI: ConvertSurface -i_mni FILE -o_gii GII)",
+    b"\x5c\x01\x00\x00": "a NIfTI image",
+}
 
 
 def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
@@ -48,9 +39,8 @@ def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
     head, size = _beginning(path)
     if freesurfer.is_surface(head, size):
         return freesurfer.read_surface
-    if stl.begins(head, size):
-        return _always_finite(stl.read)
-    return _always_finite(drawn_surfaces.read) if drawn_surfaces.kind_of(head) else None
+    read = stl.read if stl.begins(head, size) else drawn_surfaces.read if drawn_surfaces.kind_of(head) else None
+    return read and (lambda path, *, finite: read(path))  # noqa: ARG005, PLW0108, never what is not finite
 
 
 def fields_of(path: Path) -> dict[str, NDArray[Any]] | None:
@@ -74,57 +64,29 @@ def label_names_of(path: Path) -> dict[int, str] | None:
 def name_of(path: Path) -> str:
     """Kind of a file that can be read neither as a surface nor as a field; empty if its first bytes are unknown."""
     head, size = _beginning(path)
-    known = [name for begin, name in _NAMES if head.lstrip().startswith(begin) or head.startswith(begin)]
-    if known:
-        return known[0]
-    if vtk := _VTK.search(head):
-        return f"VTK {vtk[1].decode()} ({_CONVERT})"
-    if stl.begins(head, size) or drawn_surfaces.kind_of(head):
+    start = head.removeprefix(b'<?xml version="1.0"?>').lstrip()
+    if surface_reader(path) is not None:
         return "a surface without values"
-    if freesurfer.is_surface(head, size):
-        return "a FreeSurfer surface"
-    if freesurfer.is_values(head, size):
-        return "values of FreeSurfer, no surface"
-    if _MNI.match(head):
-        return "a surface of MNI, as CIVET writes it (convert it with AFNI: ConvertSurface -i_mni FILE -o_gii GII)"
-    if _NUMBERS.match(head):
-        return "plain numbers, no surface"
-    return "an annotation of FreeSurfer, no surface" if freesurfer.is_annotation(head, size) else ""
+    if freesurfer.is_values(head, size) or freesurfer.is_annotation(head, size) or _NUMBERS.match(head):
+        return "a file of values without a surface"
+    return next((name for begin, name in _NAMES.items() if start.startswith(begin)), "")
 
 
 def _plain(path: Path) -> NDArray[Any]:
     """Numbers of a text, one a line: (n,); whole numbers without a point are labels, int32."""
-    text = content(path).decode("utf-8", "replace").rstrip()
+    text = content(path).decode("utf-8", "replace").strip()
     whole = re.fullmatch(r"[-+\d\s]+", text) is not None
-    try:
-        values = numbers(text, np.dtype(np.int64 if whole else np.float64))
-        if len(values) != len(text.strip().splitlines()):
-            raise ValueError("some lines have no number or several")
-    except ValueError as error:
-        raise InputError(
-            f"does not have one number per line: {error}", file=path, remedy="write one number per line"
-        ) from None
-    return in_32_bits(values, "labels", path) if whole else values
-
-
-def _always_finite(read: Callable[[Path], TriSurface]) -> Callable[..., TriSurface]:
-    """A reader that refuses coordinates that are not finite, whatever `finite` says."""
-
-    def reader(path: Path, *, finite: bool = True) -> TriSurface:  # noqa: ARG001
-        return read(path)
-
-    return reader
+    with by_library("one number per line", path):
+        values = np.array([(int if whole else float)(line) for line in text.splitlines()])
+        return in_32_bits(values, "labels", path) if whole else values
 
 
 def _beginning(path: Path) -> tuple[bytes, int]:
     """The first bytes of a file and its size, both unpacked from gzip; no bytes if it is not a regular file."""
     if not path.is_file():
         return b"", 0
-    try:
-        with path.open("rb") as file:
-            head, size = file.read(_HEAD), path.stat().st_size
-    except OSError:
-        return b"", 0
+    with path.open("rb") as file:
+        head, size = file.read(_HEAD), path.stat().st_size
     if head.startswith(GZIP):
         data = content(path)
         return data[:_HEAD], len(data)

@@ -1,7 +1,4 @@
-"""GIfTI: surfaces and per-vertex fields (https://www.nitrc.org/projects/gifti, format 1.0).
-
-nibabel writes files, but does not read them: version 5.4 misreads column-major ASCII that is wrapped into lines of
-three, and rejects ASCII lines of unequal length.
+"""GIfTI: surfaces and per-vertex fields (https://www.nitrc.org/projects/gifti, format 1.0), by NiBabel.
 
 Coordinates are stored as float32, the only type that every GIfTI tool reads (resolution 4e-6 mm at 60 mm).
 `single_precision` rounds a surface to what a file holds: stages that move vertices return such surfaces, so that
@@ -12,84 +9,74 @@ nothing downstream depends on whether the surface went through a file.
 
 from __future__ import annotations
 
-import base64
-import math
 import re
-import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
-from xml.etree import ElementTree
+from typing import Any, Literal
 
 import numpy as np
 from nibabel.gifti.gifti import GiftiCoordSystem, GiftiDataArray, GiftiImage, GiftiMetaData
-from nibabel.nifti1 import xform_codes
+from nibabel.gifti.parse_gifti_fast import GiftiImageParser
+from nibabel.nifti1 import intent_codes, xform_codes
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
+from cortet.errors import DamagedFileError, InputError
 from cortet.formats import foreign, frames
 from cortet.formats.atomic import atomic_path
 from cortet.formats.frames import System
 from cortet.formats.numbering import in_32_bits
 from cortet.formats.untrusted import (
-    XML_ERRORS,
+    by_library,
     check_file,
     content,
     naming,
-    numbers,
+    require_finite_points,
     safe_name,
     safely_named,
-    xml_root,
 )
 from cortet.meshes import TriSurface
 
 #: name of the region in the file name of an inner surface
 _REGION = re.compile(r"_inner-([A-Za-z0-9]+)_")
-_INSTEAD = (
-    "give GIfTI; a surface may also be one of FreeSurfer, STL, PLY, OBJ or OFF, and a field values or an annotation of "
-    "FreeSurfer"
+#: geometry; the last are vertices to which values belong, in place of all of them in their order
+_INTENTS: Any = intent_codes.code
+_POINTS, _TRIANGLES, _NODES, _LABELS = (
+    int(_INTENTS[f"NIFTI_INTENT_{name}"]) for name in ("POINTSET", "TRIANGLE", "NODE_INDEX", "LABEL")
 )
-_EXPORT_AGAIN = "export the surface again as GIfTI (.surf.gii)"
-_TYPES = {
-    f"NIFTI_TYPE_{name.upper()}": np.dtype(name)
-    for name in ("uint8", "int8", "int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64")
-}
-#: GIfTI 1.0 has the first two; NiBabel up to 2.1 wrote the others
-_ENDIANS: dict[str, Literal["<", ">"]] = {
-    "LittleEndian": "<",
-    "BigEndian": ">",
-    "GIFTI_ENDIAN_LITTLE": "<",
-    "GIFTI_ENDIAN_BIG": ">",
-}
-_ZLIB_OR_GZIP = 47
-#: most dimensions of an array (GIfTI 1.0, section 5)
-_MAX_DIMENSIONS = 6
-#: vertices to which values belong, in place of all of them in their order
-_NODES = "NIFTI_INTENT_NODE_INDEX"
-_GEOMETRY = ("NIFTI_INTENT_POINTSET", "NIFTI_INTENT_TRIANGLE", _NODES)
-
-
+#: code of NiBabel for text, and for arrays by column
+_ASCII, _BY_COLUMN = 1, 2
 #: value of the metadata that names the structure, as CDATA or as it stands; and of that which names the surface
 _STRUCTURE = rb"AnatomicalStructurePrimary.{0,99}?<Value>\s*(?:<!\[CDATA\[)?\s*(\w+)"
 _SECONDARY = _STRUCTURE.replace(b"Primary", b"Secondary")
 
 
-class _Array(NamedTuple):
-    intent: str
-    name: str
-    values: NDArray[Any]
-    systems: list[System]
-    #: metadata
-    about: dict[str, str]
+class _Parser(GiftiImageParser):
+    """NiBabel's parser, which here keeps every coordinate system of an array, as the file states it."""
+
+    da: Any
+
+    def StartElementHandler(self, name: str, attrs: dict[str, str]) -> None:  # noqa: N802
+        super().StartElementHandler(name, attrs)
+        if name == "DataArray":
+            self.da.systems = []
+        if name == "CoordinateSystemTransformMatrix":
+            self.da.systems.append({"DataSpace": "", "TransformedSpace": "", "MatrixData": ""})
+
+    def CharacterDataHandler(self, data: str) -> None:  # noqa: N802
+        if self.write_to in ("DataSpace", "TransformedSpace", "MatrixData"):
+            self.da.systems[-1][self.write_to] += data
+        else:
+            super().CharacterDataHandler(data)
 
 
 def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
     """Read a triangulated surface; further per-vertex arrays in the file become its `point_data`.
 
     A surface of FreeSurfer (`lh.white`), STL, PLY, OBJ or OFF is read as well; its first bytes tell what it is.
-    Any valid GIfTI will do: arrays in either order, row- or column-major, either endianness, ASCII, base64, compressed
-    or in an external file, integer triangles of any type; or all of that packed by gzip.
+    A GIfTI may have its arrays in either order, row- or column-major, either endianness, as base64, compressed or in an
+    external file, or as text by rows, with triangles of any integer type; or all of that packed by gzip.
     Names of fields that cannot be part of a file name are changed (`untrusted.safe_name`).
 
     Parameters
@@ -98,16 +85,18 @@ def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
     """
     if (read := foreign.surface_reader(Path(path))) is not None:
         return read(Path(path), finite=finite)
-    arrays, provenance = _read(Path(path))
-    points = _geometry(arrays, "NIFTI_INTENT_POINTSET", path)
-    triangles = _geometry(arrays, "NIFTI_INTENT_TRIANGLE", path)
-    frame = frames.of_gifti(points.systems, points.about, provenance, path)
-    bad = np.flatnonzero(~np.isfinite(points.values).all(axis=1))
-    if finite and len(bad):
-        what = f"{len(bad)} vertices have coordinates that are not finite, the first is vertex {bad[0]}"
-        raise InputError(f"{what}: {points.values[bad[0]].tolist()}", file=path, remedy=_EXPORT_AGAIN)
+    image = _read(Path(path))
+    points, triangles = (_geometry(image, intent, path) for intent in (_POINTS, _TRIANGLES))
+    with by_library("a coordinate system", path):
+        systems = [
+            System(one["DataSpace"].strip(), one["TransformedSpace"].strip(), [*map(float, one["MatrixData"].split())])
+            for one in points.systems
+        ]
+    frame = frames.of_gifti(systems, dict(points.meta), " ".join(image.meta.values()), path)
+    if finite:
+        require_finite_points(points.data, path)
     with naming(path):
-        return TriSurface(points.values, triangles.values, _fields(arrays, path, len(points.values)), frame)
+        return TriSurface(points.data, triangles.data, _fields(image, path, len(points.data)), frame)
 
 
 def hemisphere_of(path: str | Path) -> Literal["L", "R"] | None:
@@ -161,7 +150,7 @@ def read_fields(path: str | Path) -> dict[str, NDArray[Any]]:
     """
     if (fields := foreign.fields_of(Path(path))) is not None:
         return fields
-    return _fields(_read(Path(path))[0], path)
+    return _fields(_read(Path(path)), path)
 
 
 def read_label_names(path: str | Path) -> dict[int, str]:
@@ -171,18 +160,11 @@ def read_label_names(path: str | Path) -> dict[int, str]:
     """
     if (names := foreign.label_names_of(Path(path))) is not None:
         return names
-    found: dict[int, str] = {}
-    try:
-        for label in xml_root(content(path), path).iterfind("LabelTable/Label"):
-            text, stated = (label.text or "").strip(), label.get("Key") or label.get("Index")  # as before GIfTI 1.0
-            if stated is None:
-                raise ValueError(f"the label {text!r} has no key")
-            if (key := int(stated)) in found:
-                raise InputError(f"two labels of its table have the key {key}", file=path, remedy="keep one of the two")
-            found[key] = text
-        return {key: safe_name(text) for key, text in found.items() if text}
-    except ValueError as error:
-        raise InputError(f"its label table cannot be read: {error}", file=path, remedy=_EXPORT_AGAIN) from error
+    labels = _read(Path(path)).labeltable.labels
+    if len({label.key for label in labels}) < len(labels):
+        raise InputError("two labels of its table have the same key", file=path, remedy="keep one of the two")
+    texts = {label.key: getattr(label, "label", "") for label in labels}  # NiBabel sets no empty text
+    return {key: safe_name(text) for key, text in texts.items() if text}
 
 
 def write_surface(surface: TriSurface, path: str | Path, *, like: str | Path | None = None) -> None:
@@ -217,9 +199,8 @@ def _metadata_of(path: str | Path | None) -> tuple[dict[str, str], dict[str, str
     """Metadata of a file and of its pointset; none of a file that is not GIfTI."""
     if path is None or foreign.surface_reader(Path(path)) is not None:
         return {}, {}
-    root = xml_root(content(path), path)
-    found = (one for one in root.iter("DataArray") if one.get("Intent") == "NIFTI_INTENT_POINTSET")
-    return _metadata(root), next(map(_metadata, found), {})
+    image = _read(Path(path))
+    return dict(image.meta), next((dict(one.meta) for one in image.darrays if one.intent == _POINTS), {})
 
 
 def write_fields(
@@ -251,126 +232,52 @@ def _arrays(fields: Mapping[str, NDArray[Any]]) -> list[GiftiDataArray]:
     return arrays
 
 
-def _geometry(arrays: list[_Array], intent: str, path: str | Path) -> _Array:
+def _geometry(image: Any, intent: int, path: str | Path) -> Any:
     """The one (n, 3) array of this intent."""
-    found = [array for array in arrays if array.intent == intent]
-    if len(found) != 1:
-        raise InputError(f"{len(found)} {intent} arrays instead of one", file=path, remedy=_EXPORT_AGAIN)
-    shape = found[0].values.shape
-    if len(shape) != 2 or shape[1] != 3 or not shape[0]:
-        raise InputError(f"{intent} has the shape {shape} instead of (n, 3)", file=path, remedy=_EXPORT_AGAIN)
+    found = [array for array in image.darrays if array.intent == intent]
+    if len(found) != 1 or found[0].data.ndim != 2 or found[0].data.shape[1] != 3 or not len(found[0].data):
+        what = f"holds {len(found)} arrays {intent_codes.niistring[intent]}, not one of (n, 3) numbers"
+        raise DamagedFileError(what, file=path)
     return found[0]
 
 
-def _fields(arrays: list[_Array], path: str | Path, count: int | None = None) -> dict[str, NDArray[Any]]:
+def _fields(image: Any, path: str | Path, count: int | None = None) -> dict[str, NDArray[Any]]:
     """Arrays that are not geometry, each with one value (or row) for each of `count` vertices."""
     fields = []
-    nodes = next((array.values.ravel() for array in arrays if array.intent == _NODES), None)
-    for array in arrays:
-        if array.intent in _GEOMETRY:
+    nodes = next((array.data.ravel() for array in image.darrays if array.intent == _NODES), None)
+    for array in image.darrays:
+        if array.intent in (_POINTS, _TRIANGLES, _NODES):
             continue
-        count = len(array.values) if count is None else count
-        if len(array.values) != count:
-            what = f"field `{array.name}` has {len(array.values)} values for {count} vertices"
-            raise InputError(what, file=path, remedy="use fields of this very surface")
-        values = array.values[:, 0] if array.values.ndim == 2 and array.values.shape[1] == 1 else array.values
-        if nodes is not None:
-            if not np.array_equal(np.sort(nodes), np.arange(count)):
-                what = f"field `{array.name}` lists {len(nodes)} vertices, not all vertices of the surface"
-                raise InputError(what, file=path, remedy="export one value for each vertex of the surface")
-            values = values[np.argsort(nodes)]
-        fields.append(
-            (
-                array.name,
-                in_32_bits(values, f"field `{array.name}`", path) if array.intent == "NIFTI_INTENT_LABEL" else values,
-            )
-        )
+        name, values = array.meta.get("Name") or Path(path).name.split(".")[0], array.data
+        count = len(values) if count is None else count
+        if len(values) != count or not (nodes is None or np.array_equal(np.sort(nodes), np.arange(count))):
+            what = f"field `{name}` has {len(values)} values, not one for each of {count} vertices"
+            raise InputError(what, file=path, remedy="export one value for each vertex of this very surface")
+        values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+        values = values if nodes is None else values[np.argsort(nodes)]
+        fields.append((name, in_32_bits(values, f"field `{name}`", path) if array.intent == _LABELS else values))
     return safely_named(fields)
 
 
-def _read(path: Path) -> tuple[list[_Array], str]:
-    """All arrays of a file, and its own metadata as text."""
-    data = content(path)
-    if not data:
-        raise InputError("the file is empty", file=path, remedy=_EXPORT_AGAIN)
-    try:
-        root = ElementTree.fromstring(data)
-    except XML_ERRORS as error:
-        if other := foreign.name_of(path):
-            raise InputError(f"is not GIfTI but {other}", file=path, remedy=_INSTEAD) from error
-        what = f"truncated or not GIfTI: {error} (the file has {path.stat().st_size:,} bytes)"
-        raise InputError(what, file=path, remedy=_EXPORT_AGAIN) from error
-    if root.tag != "GIFTI":
-        if other := foreign.name_of(path):
-            raise InputError(f"is not GIfTI but {other}", file=path, remedy=_INSTEAD)
-        raise InputError(f"not GIfTI: its XML begins with <{root.tag}>", file=path, remedy=_EXPORT_AGAIN)
-    return [_array(element, path) for element in root.iter("DataArray")], " ".join(_metadata(root).values())
-
-
-def _array(element: ElementTree.Element, path: Path) -> _Array:
-    """Decode one <DataArray>, after a check that it holds what it declares."""
-    get = element.attrib.get
-    intent = get("Intent", "NIFTI_INTENT_NONE")
-    about = _metadata(element)
-    name = about.get("Name") or _stem(path)
-    try:
-        shape = [int(get(f"Dim{i}", "")) for i in range(min(int(get("Dimensionality", "")), _MAX_DIMENSIONS + 1))]
-        dtype = _TYPES[get("DataType", "")].newbyteorder(_ENDIANS[get("Endian", "LittleEndian")])
-        if not shape or min(shape) < 0 or len(shape) > _MAX_DIMENSIONS:
-            raise ValueError(f"dimensions {shape}")
-        flat = _decode(element, math.prod(shape), dtype, path.parent)
-        values = flat.reshape(shape, order="F" if get("ArrayIndexingOrder") == "ColumnMajorOrder" else "C")
-        systems = _systems(element)
-    except KeyError as error:
-        raise InputError(f"{intent} array: {error} is not known", file=path, remedy=_EXPORT_AGAIN) from error
-    except (ValueError, OverflowError, OSError, zlib.error) as error:
-        raise InputError(f"{intent} array: {error}", file=path, remedy=_EXPORT_AGAIN) from error
-    return _Array(intent, name, values.astype(dtype.newbyteorder("=")), systems, about)
-
-
-def _decode(element: ElementTree.Element, count: int, dtype: np.dtype[Any], folder: Path) -> NDArray[Any]:
-    """The `count` values of a <DataArray>, in their stored order; ValueError if it holds fewer or more."""
-    text, encoding, expected = _text(element, "Data"), element.get("Encoding", ""), count * dtype.itemsize
-    if encoding == "ASCII":
-        values = numbers(text, dtype)
-        if len(values) != count:
-            raise ValueError(f"declares {count:,} values, holds {len(values):,}")
-        return values
-    if encoding == "ExternalFileBinary":
-        data = _external(element, folder, expected)
-    elif encoding in ("Base64Binary", "GZipBase64Binary"):
-        data = base64.b64decode("".join(text.split()), validate=True)
-    else:
-        raise ValueError(f"encoding `{encoding}` is not known")
-    if encoding == "GZipBase64Binary":
-        data = zlib.decompress(data, wbits=_ZLIB_OR_GZIP)
-    if len(data) != expected:
-        raise ValueError(f"declares {expected:,} bytes, holds {len(data):,}")
-    return np.frombuffer(data, dtype)
-
-
-def _external(element: ElementTree.Element, folder: Path, size: int) -> bytes:
-    """`size` bytes of the binary file beside the GIfTI file."""
-    name = element.get("ExternalFileName", "")
-    if Path(name).name != name or not name:
-        raise ValueError(f"external file `{name}` is not in the same folder")
-    offset = element.get("ExternalFileOffset") or "0"
-    if not offset.isdecimal():
-        raise ValueError(f"ExternalFileOffset is {offset!r}, not a number of bytes from 0 on")
-    check_file(folder / name)
-    return (folder / name).read_bytes()[int(offset) :][:size]
-
-
-def _systems(element: ElementTree.Element) -> list[System]:
-    """The coordinate systems of a <DataArray>."""
-    return [
-        System(
-            _text(one, "DataSpace"),
-            _text(one, "TransformedSpace"),
-            [float(word) for word in _text(one, "MatrixData").split()],
-        )
-        for one in element.iterfind("CoordinateSystemTransformMatrix")
-    ]
+def _read(path: Path) -> Any:
+    """All arrays of a file, in the byte order of this machine; InputError for those that NiBabel misreads."""
+    file, parser = BytesIO(content(path)), _Parser(mmap=False)
+    file.name = str(path)  # NiBabel looks for external files beside it
+    with by_library("GIfTI", path, foreign.name_of):
+        parser.parse(fptr=file)
+        if parser.img is None:
+            raise ValueError("its XML has no <GIFTI>")
+        for array in parser.img.darrays:
+            if array.encoding == _ASCII and array.ind_ord == _BY_COLUMN:
+                raise ValueError("an array is text by columns")
+            if array.ext_fname:
+                if Path(array.ext_fname).name != array.ext_fname:
+                    raise ValueError(f"the external file {array.ext_fname} is not in the same folder")
+                check_file(path.with_name(array.ext_fname))
+            if array.data is None or array.data.dtype.kind not in "iuf":
+                raise ValueError("an array holds no numbers")
+            array.data = array.data.astype(array.data.dtype.newbyteorder("="))
+    return parser.img
 
 
 def surface_of(image: Any) -> TriSurface:
@@ -384,15 +291,3 @@ def surface_of(image: Any) -> TriSurface:
         systems = [System(dataspace, xformspace, np.asarray(system.xform, float).ravel().tolist())]
     frame = frames.of_gifti(systems, dict(points[0].meta), str(dict(image.meta)), "the image")
     return TriSurface(points[0].data, faces[0].data, frame=frame)
-
-
-def _metadata(element: ElementTree.Element) -> dict[str, str]:
-    return {_text(one, "Name"): _text(one, "Value") for one in element.iterfind("MetaData/MD")}
-
-
-def _text(element: ElementTree.Element, tag: str) -> str:
-    return (element.findtext(tag) or "").strip()
-
-
-def _stem(path: Path) -> str:
-    return path.name.split(".")[0]

@@ -1,49 +1,48 @@
-"""Which files cortet owns: a command never writes to its inputs, and replaces only files that cortet made.
+"""Which files a command may write: never an input, and no existing file that cortet did not make, unless forced.
 
-A command runs within `guarded`. Every function of cortet that replaces or deletes a file then asks `may_write` first,
-and every reader calls `has_read`. Every file that a command has read is an input, even if no argument names it, such as
-a sidecar. A hidden manifest in the folder lists each file that the command writes, with its SHA-256. A file belongs to
-the user if the manifest does not list it, or if it changed since. The workflow has no guard: its rules name their
-outputs, none of which is a file of the user. Its working folder has a marker instead.
+A command runs within `guarded`. Every function of cortet that replaces or deletes a file asks `may_write` first, and
+every reader calls `has_read`: a file that a command has read is an input, even if no argument names it. A hidden list
+in each folder has a line per file that a command wrote, its SHA-256 and its name, as `sha256sum` prints them. A file
+that the list lacks, or that changed since, belongs to the user. The workflow has no guard: its rules name their
+outputs. Its working folder has a marker instead.
 """
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import re
 import secrets
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from cortet.errors import InputError
 from cortet.formats.hashing import sha256
 
 #: file that marks its folder as made by cortet; a folder of this name, in the output of a workflow, marks nothing
 MARKER = ".cortet"
-#: file that lists what commands wrote to its folder: name -> the last SHA-256
-MANIFEST = ".cortet.json"
-#: hashes that a manifest keeps per file: the current one and, in case the command is killed, the one it replaces
-_HASHES = 2
+#: list of the files that commands wrote to its folder
+MANIFEST = ".cortet.sha256"
+_TEXT: dict[str, Any] = {"encoding": "utf-8", "errors": "surrogateescape"}
+#: most bytes of a file name
+_LONGEST = 255
 #: temporary names: the number of their process, a token, and the name of the file
-_TEMPORARY = re.compile(r"\.([0-9]+)-[0-9a-f]{8}\.(.+)")
+_TEMPORARY = re.compile(r"\.([0-9]{1,9})-[0-9a-f]{8}\.(.+)")
 #: key and value that distinguish a record from other JSON files
 _SIGNATURE = {"made_by": "cortet"}
 
 
 @dataclass(frozen=True)
 class _Guard:
-    """What a command may write to."""
+    """What a command may write to; files that are read later become inputs."""
 
-    #: device and inode of each input -> the path that named it; files that are read later are added
-    inputs: dict[tuple[int, int], Path]
+    inputs: set[Path]
     #: files that the command is told to write
     files: tuple[Path, ...]
     #: folders below which it may write
@@ -53,9 +52,13 @@ class _Guard:
     #: files that this command has written
     made: set[Path] = field(default_factory=set)
 
-    def is_below_own_folder(self, place: Path) -> bool:
+    def is_in_own_folder(self, path: Path) -> bool:
         """Whether a file lies in a folder of the command, whatever `..` its name has."""
-        return any(map(Path(os.path.normpath(place)).is_relative_to, self.folders))
+        return any(map(_absolute(path).is_relative_to, self.folders))
+
+    def owns(self, path: Path) -> bool:
+        """Whether the command has made a file, or may write anything in its folder."""
+        return _absolute(path) in self.made or self.is_in_own_folder(path)
 
 
 _guard: ContextVar[_Guard | None] = ContextVar("_guard", default=None)
@@ -85,14 +88,13 @@ def guarded(
     InputError
         an output is an input (even by another name), exists and was not made by cortet, or has the name of another
     """
-    known = {identity: path for path in inputs if (identity := _identity(path))}
     outputs = tuple(files)
-    _refuse_repeated(outputs)
-    below = tuple(Path(os.path.normpath(folder.absolute())) for folder in folders)
-    token = _guard.set(_Guard(known, outputs, below, force))
+    token = _guard.set(_Guard(set(inputs), outputs, tuple(map(_absolute, folders)), force))
     try:
         for path in outputs:
             may_write(path)
+        if len({*map(os.path.realpath, outputs)}) < len(outputs):
+            refuse_companion(outputs[-1])
         for folder in shared:
             _require_own_folder(folder, force=force)
         yield
@@ -102,16 +104,16 @@ def guarded(
 
 def may_write(path: Path) -> None:
     """Raise InputError unless a file may be written, replaced or deleted; without a guard, any short name may."""
-    _require_short(path)
+    if len(os.fsencode(temporary_beside(path).name)) > _LONGEST:
+        raise InputError("has too long a name", file=path, remedy="give a shorter name")
     guard = _guard.get()
     if guard is None:
         return
-    _refuse_input(path, guard)
-    place = path.absolute()
+    for given in guard.inputs:
+        _refuse_same(path, given)
     if path.exists() and not path.is_file():
         raise InputError("is a folder, a device or a pipe", file=path, remedy="give the name of a file")
-    allowed = guard.force or place in guard.made or guard.is_below_own_folder(place)
-    if not allowed and os.path.lexists(path) and not is_ours(path):
+    if os.path.lexists(path) and not (guard.force or guard.owns(path) or is_ours(path)):
         raise InputError(
             "exists, and cortet did not make it, or it has changed since",
             file=path,
@@ -128,38 +130,29 @@ def mark(folder: Path) -> None:
 def has_read(path: Path) -> None:
     """Record that the command reads a file: it is an input from now on, unless it lies where the command may write."""
     guard = _guard.get()
-    place = path.absolute()
-    if guard is None or place in guard.made or guard.is_below_own_folder(place):
+    if guard is None or guard.owns(path):
         return
-    if identity := _identity(path):
-        guard.inputs.setdefault(identity, path)
-        for output in guard.files:
-            if output.absolute() not in guard.made:
-                _refuse_input(output, guard)
+    guard.inputs.add(path)
+    for output in guard.files:
+        if not guard.owns(output):
+            _refuse_same(output, path)
 
 
 def about_to_write(files: Mapping[Path, Path]) -> None:
-    """Record that files of one folder are about to get their names; the manifest lists them before, in case of a kill.
+    """Record that files of one folder are about to get their names; the list has them before, in case of a kill.
 
     Parameters
     ----------
     files : temporary name -> name
     """
     guard = _guard.get()
-    if guard is None:
-        return
-    guard.made.update(path.absolute() for path in files.values())
-    for temporary in files:
-        if identity := _identity(temporary):
-            guard.inputs.pop(identity, None)  # the command read the file back before it got its name
-    listed = {
-        path: sha256(temporary)
-        for temporary, path in files.items()
+    for temporary, path in files.items() if guard else ():
+        assert guard
         # all files of a temporary folder get their names together
-        if not is_temporary(path.parent) and not guard.is_below_own_folder(path.absolute())
-    }
-    if listed:
-        _list_in_manifest(listed)
+        if not (is_temporary(path.parent) or guard.is_in_own_folder(path)):
+            with path.with_name(MANIFEST).open("a", **_TEXT) as listed:
+                listed.write(f"{sha256(temporary)}  {path.name}\n")
+        guard.made.add(_absolute(path))
 
 
 def final_name(path: Path) -> Path:
@@ -169,38 +162,33 @@ def final_name(path: Path) -> Path:
 
 def is_temporary(folder: Path) -> bool:
     """Whether a folder is a temporary one of this process."""
-    return folder.name.startswith(_own_prefix())
+    return folder.name.startswith(f".{os.getpid()}-")
 
 
-def refuse_companion(path: Path) -> None:
+def refuse_companion(path: Path) -> NoReturn:
     """Raise InputError for an output whose name another file has that the same command writes."""
     raise InputError("is the name of another file that this command writes", file=path, remedy="give another name")
 
 
 def temporary_beside(path: Path) -> Path:
     """An unused name beside `path`, with its suffixes, for a file that will be renamed to `path`."""
-    return path.with_name(f"{_own_prefix()}{secrets.token_hex(4)}.{path.name}")
+    return path.with_name(f".{os.getpid()}-{secrets.token_hex(4)}.{path.name}")
 
 
 def delete_abandoned(folder: Path, *names: str) -> None:
-    """Delete temporary files and folders for the manifest and for these names or patterns whose processes have ended.
-
-    No manifest lists temporary files, so only their names tell that they are cortet's.
-    """
+    """Delete temporary files and folders for these names or patterns whose processes have ended."""
     for path in sorted(folder.glob(".*")):
         found = _TEMPORARY.fullmatch(path.name)
-        if not found or path.is_symlink() or _runs(int(found[1])):
-            continue
-        if any(fnmatchcase(found[2], name) for name in (MANIFEST, *names)):
-            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+        if found and any(fnmatchcase(found[2], name) for name in names) and not _runs(int(found[1])):
+            shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink(missing_ok=True)
 
 
 def is_ours(path: Path) -> bool:
-    """Whether the manifest of its folder lists a file with its current SHA-256."""
-    if not path.is_file() or path.is_symlink():
+    """Whether the list of its folder has a file with its current SHA-256."""
+    manifest = path.with_name(MANIFEST)
+    if path.is_symlink() or not (path.is_file() and manifest.is_file()):
         return False
-    listed = _manifest(path.parent).get(path.name)
-    return listed is not None and sha256(path) in listed
+    return f"{sha256(path)}  {path.name}" in manifest.read_text(**_TEXT).split("\n")
 
 
 def delete(*paths: Path) -> None:
@@ -220,7 +208,7 @@ def files_of(record: Path) -> dict[str, str]:
     """Name -> SHA-256 of the files that a record lists; empty if the file is not a record of cortet."""
     data = json_of(record)
     files = data.get("files") if data.items() >= _SIGNATURE.items() else None
-    return {str(name): str(digest) for name, digest in files.items()} if isinstance(files, dict) else {}
+    return files if isinstance(files, dict) else {}
 
 
 def changed_of(record: Path) -> list[Path]:
@@ -234,9 +222,8 @@ def delete_made(record: Path) -> None:
     """Delete the files that a record lists, unless they changed since, and the record itself."""
     files = files_of(record)
     for name, digest in files.items():
-        path = record.parent / name
-        own = Path(name).name == name and os.path.isfile(path)  # noqa: PTH113, false of names that no file can have
-        if own and not path.is_symlink() and sha256(path) == digest:
+        path = record.with_name(Path(name).name)
+        if path.is_file() and not path.is_symlink() and sha256(path) == digest:
             delete(path)
     if files:
         delete(record)
@@ -246,86 +233,30 @@ def json_of(file: Path) -> dict[str, Any]:
     """Content of a JSON file; empty if it is not a JSON file."""
     try:
         data = json.loads(file.read_text("utf-8"))
-    except (OSError, ValueError, RecursionError):
+    except (OSError, ValueError):
         return {}
     return data if isinstance(data, dict) else {}
 
 
-def _manifest(folder: Path) -> dict[str, list[str]]:
-    """Name -> hashes; empty if the manifest is missing or damaged."""
-    files = json_of(folder / MANIFEST).get("files")
-    if not isinstance(files, dict):
-        return {}
-    return {str(name): [str(one) for one in found] for name, found in files.items() if isinstance(found, list)}
-
-
-def _list_in_manifest(listed: Mapping[Path, str]) -> None:
-    """Add files of one folder with their SHA-256 to its manifest."""
-    manifest = next(iter(listed)).with_name(MANIFEST)
-    temporary = temporary_beside(manifest)
-    folder = os.open(manifest.parent, os.O_RDONLY)
-    try:
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(folder, fcntl.LOCK_EX)
-        files = _manifest(manifest.parent)
-        for path, digest in listed.items():
-            known = [one for one in files.get(path.name, []) if one != digest]
-            files[path.name] = [*known, digest][-_HASHES:]
-        temporary.write_text(json.dumps({"files": files}, indent=1) + "\n", encoding="utf-8")
-        temporary.replace(manifest)
-    finally:
-        temporary.unlink(missing_ok=True)
-        os.close(folder)
-
-
 def _require_own_folder(folder: Path, *, force: bool) -> None:
-    """Raise InputError for a folder without a manifest of cortet that holds more than a killed command leaves there."""
+    """Raise InputError for a folder with visible files and without a list of what cortet wrote there."""
     if os.path.lexists(folder) and not folder.is_dir():
         raise InputError("is a file", file=folder, remedy="give the name of a folder")
-    unlisted = folder.is_dir() and not (folder / MANIFEST).is_file()
-    if unlisted and not force and not all(_left_by_a_kill(path) for path in folder.iterdir()):
-        raise InputError(
-            "holds files that cortet did not make", file=folder, remedy="give an empty or a new folder, or add --force"
-        )
+    unlisted = folder.is_dir() and not force and not (folder / MANIFEST).is_file()
+    if unlisted and any(path.is_file() and not path.name.startswith(".") for path in folder.iterdir()):
+        remedy = "give an empty or a new folder, or add --force"
+        raise InputError("holds files that cortet did not make", file=folder, remedy=remedy)
 
 
-def _left_by_a_kill(path: Path) -> bool:
-    """Whether cortet may have made this before the manifest beside it: a temporary file, or a folder with such."""
-    if path.is_dir() and not path.is_symlink():
-        return any(one.name == MANIFEST or _TEMPORARY.fullmatch(one.name) for one in path.iterdir())
-    return _TEMPORARY.fullmatch(path.name) is not None
-
-
-def _require_short(path: Path) -> None:
-    """Raise InputError if the name, or the name of the temporary file beside it, would be too long."""
-    folder = next((one for one in path.absolute().parents if one.is_dir()), Path("/"))
-    longest = os.pathconf(folder, "PC_NAME_MAX") - len(temporary_beside(path).name) + len(path.name)
-    if (size := len(os.fsencode(path.name))) > longest:
-        what = f"has a name of {size} bytes, but at most {longest} are allowed here"
-        raise InputError(what, file=path, remedy="give a shorter name")
-
-
-def _refuse_repeated(outputs: tuple[Path, ...]) -> None:
-    """Raise InputError if two outputs have the same name: the second would replace the first."""
-    places = [os.path.realpath(path) for path in outputs]
-    for path, place in zip(outputs, places, strict=True):
-        if places.count(place) > 1:
-            raise InputError("is named twice, for two outputs", file=path, remedy="give each a name of its own")
-
-
-def _refuse_input(path: Path, guard: _Guard) -> None:
-    """Raise InputError if a file is an input, even by another name."""
-    identity = _identity(path)
-    given = guard.inputs.get(identity) if identity else None
-    if given is None or _identity(given) != identity:  # the input is gone, and another file has its inode
+def _refuse_same(output: Path, given: Path) -> None:
+    """Raise InputError if an output is an input, even by another name."""
+    try:
+        same = output.samefile(given)
+    except (OSError, ValueError):  # one of them is not there, or is a text that names no file
         return
-    also = "" if given == path else f", {given}"
-    raise InputError(f"is an input of this command{also}", file=path, remedy="give the output another name")
-
-
-def _own_prefix() -> str:
-    """Beginning of the temporary names of this process."""
-    return f".{os.getpid()}-"
+    if same:
+        also = "" if given == output else f", {given}"
+        raise InputError(f"is an input of this command{also}", file=output, remedy="give the output another name")
 
 
 def _runs(process: int) -> bool:
@@ -339,10 +270,5 @@ def _runs(process: int) -> bool:
     return True
 
 
-def _identity(path: Path) -> tuple[int, int] | None:
-    """Device and inode of a file, which no other name changes; None if there is no file."""
-    try:
-        stat = path.stat()
-    except (OSError, ValueError):
-        return None
-    return stat.st_dev, stat.st_ino
+def _absolute(path: Path) -> Path:
+    return Path(os.path.abspath(path))  # noqa: PTH100, `..` goes, links stay

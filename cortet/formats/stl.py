@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import DamagedFileError, InputError
 from cortet.formats.atomic import atomic_path
-from cortet.formats.untrusted import content
+from cortet.formats.untrusted import by_library, content, require_finite_points
 from cortet.meshes import TriSurface
 
 _HEADER_BYTES = 80
@@ -47,32 +46,24 @@ def begins(head: bytes, size: int) -> bool:
 def read(path: str | Path) -> TriSurface:
     """Read an STL file; vertices are in the order in which the triangles name them."""
     data = content(path)
-    if data[:_HEADER_BYTES].lstrip()[:5].lower() == b"solid" and _TEXT.search(data):
-        return _of_text(data, path)
     start = _HEADER_BYTES + 4
-    count = int(np.frombuffer(data[_HEADER_BYTES:start].ljust(4, b"\0"), "<u4")[0])
-    if len(data) != start + count * _TRIANGLE.itemsize:
-        raise DamagedFileError(f"is not a binary STL file of {count} triangles: it has {len(data)} bytes", file=path)
-    return merged(np.frombuffer(data, _TRIANGLE, offset=start)["corners"].reshape(-1, 3), path)
+    with by_library("a complete STL", path):
+        if data[:_HEADER_BYTES].lstrip()[:5].lower() == b"solid" and _TEXT.search(data):
+            words = (float(word) for match in _TEXT.finditer(data) for word in match.groups())
+            corners = np.fromiter(words, float).reshape(-1, 3)
+            if len(corners) != 3 * len(_FACET.findall(data)) or not _END.search(data):
+                raise ValueError("a facet does not have three corners, or its end is missing")
+        else:
+            count = int(np.frombuffer(data[_HEADER_BYTES:start], "<u4")[0])
+            if len(data) != start + count * _TRIANGLE.itemsize:
+                raise ValueError(f"{len(data)} bytes for {count} triangles")
+            corners = np.frombuffer(data, _TRIANGLE, offset=start)["corners"].reshape(-1, 3)
+    require_finite_points(corners, path)
+    return merged(corners)
 
 
-def _of_text(data: bytes, path: str | Path) -> TriSurface:
-    try:
-        words = (float(word) for match in _TEXT.finditer(data) for word in match.groups())
-        corners = np.fromiter(words, float).reshape(-1, 3)
-    except ValueError as error:
-        raise InputError(f"is not a readable STL: {error}", file=path, remedy="export it again") from error
-    if len(corners) != 3 * len(_FACET.findall(data)) or not _END.search(data):
-        raise DamagedFileError(
-            "is not a complete STL: a facet does not have three corners, or its end is missing", file=path
-        )
-    return merged(corners, path)
-
-
-def merged(corners: NDArray[Any], path: str | Path) -> TriSurface:
+def merged(corners: NDArray[Any]) -> TriSurface:
     """The surface of triangles with consecutive corners (3 m, 3); equal corners become one vertex."""
-    if not np.isfinite(corners).all():
-        raise DamagedFileError("has corners whose coordinates are not finite", file=path)
     points, first, vertex = np.unique(corners, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
     number = np.empty(len(order), np.int32)

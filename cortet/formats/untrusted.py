@@ -8,14 +8,11 @@ from __future__ import annotations
 
 import gzip
 import re
-import stat
 import zlib
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +26,7 @@ _LONGEST_NAME = 80
 GZIP = b"\x1f\x8b"
 #: what is said of a link whose content is not here
 ELSEWHERE = "is a link whose content is not here"
-#: errors that parsers raise for XML that is truncated, not well-formed, or in an unknown encoding
-XML_ERRORS = (ElementTree.ParseError, LookupError, ValueError)
+_READABLE = "check the path and its permissions"
 
 _T = TypeVar("_T")
 
@@ -46,16 +42,12 @@ def content_is_elsewhere(path: str | Path) -> bool:
 
 
 def check_file(path: str | Path) -> None:
-    """Raise InputError unless a regular file is there, and may be read; an input must not become an output."""
-    try:
-        found = Path(path).stat()
-    except (OSError, ValueError) as error:
-        if content_is_elsewhere(path):
-            raise InputError(ELSEWHERE, file=path, remedy=f"datalad get {path}") from error
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"cannot be read: {reason}", file=path, remedy="check the path and its permissions") from error
-    if not stat.S_ISREG(found.st_mode):
-        raise InputError("is not a file", file=path, remedy="name a file, not a folder or a device")
+    """Raise InputError unless a regular file is there; an input must not become an output."""
+    if content_is_elsewhere(path):
+        raise InputError(ELSEWHERE, file=path, remedy=f"datalad get {path}")
+    if not Path(path).is_file():
+        what = "is not a file" if Path(path).exists() else "cannot be read: No such file or directory"
+        raise InputError(what, file=path, remedy=_READABLE)
     has_read(Path(path))
 
 
@@ -68,26 +60,24 @@ def content(path: str | Path) -> bytes:
     except (EOFError, gzip.BadGzipFile, zlib.error) as error:
         raise DamagedFileError(f"cannot be unpacked: {error}", file=path) from error
     except OSError as error:
-        raise InputError(
-            f"cannot be read: {error.strerror}", file=path, remedy="check the path and its permissions"
-        ) from error
+        raise InputError(f"cannot be read: {error.strerror}", file=path, remedy=_READABLE) from error
 
 
-def xml_root(text: bytes, path: str | Path) -> ElementTree.Element:
-    """The tree of an XML text; raises DamagedFileError if it is truncated or not well-formed."""
+@contextmanager
+def by_library(what: str, path: str | Path, kind_of: Callable[[Path], str] = lambda _: "") -> Iterator[None]:
+    """Turn whatever a library raises for a file that it cannot read as `what` into InputError; one of cortet stays.
+
+    Parameters
+    ----------
+    kind_of : says what the file is instead; empty if that is not known
+    """
     try:
-        return ElementTree.fromstring(text)
-    except XML_ERRORS as error:
-        raise DamagedFileError(f"is not well-formed XML: {error}", file=path) from error
-
-
-def numbers(text: str, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """The numbers of a text, separated by white space; ValueError if one is not a number of `dtype`."""
-    kind = int if np.issubdtype(dtype, np.integer) else float
-    try:
-        return np.fromiter(map(kind, text.split()), dtype)
-    except OverflowError as error:
-        raise ValueError(f"a number is too large for {dtype}") from error
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        told = f"is {kind}, not {what}" if (kind := kind_of(Path(path))) else f"cannot be read as {what}"
+        raise DamagedFileError(f"{told} ({type(error).__name__}: {error})", file=path) from error
 
 
 def safe_name(text: str) -> str:
@@ -98,13 +88,11 @@ def safe_name(text: str) -> str:
 def safely_named(values: Mapping[str, _T] | Iterable[tuple[str, _T]]) -> dict[str, _T]:
     """The same values by safe names; if a name is taken, a later value gets a number appended to it."""
     result: dict[str, _T] = {}
-    times: Counter[str] = Counter()
     for text, value in values.items() if isinstance(values, Mapping) else values:
-        name = base = safe_name(text)
-        while name in result:
-            times[base] += 1
-            name = f"{base}_{times[base] + 1}"
-        result[name] = value
+        name, number = safe_name(text), 1
+        while (numbered := name if number == 1 else f"{name}_{number}") in result:
+            number += 1
+        result[numbered] = value
     return result
 
 
@@ -119,12 +107,12 @@ def naming(path: str | Path) -> Iterator[None]:
         raise InputError(error.what, file=path, remedy="export it again") from None
 
 
-def in_range(indices: NDArray[Any], count: int, what: str, path: str | Path) -> NDArray[np.int32]:
-    """Indices as int32; InputError unless all are at least 0 and below `count`."""
-    outside = (indices < 0) | (indices >= count)
-    if outside.any():
-        raise DamagedFileError(f"{what} {indices[outside][0]} does not exist: there are {count:,}", file=path)
-    return indices.astype(np.int32)
+def require_finite_points(points: NDArray[Any], path: str | Path) -> None:
+    """Raise InputError if a coordinate (n, 3) is not finite."""
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(bad):
+        what = f"{len(bad)} vertices have coordinates that are not finite, the first is vertex {bad[0]}"
+        raise DamagedFileError(what, file=path)
 
 
 def require_ascii(names: Iterable[str], path: str | Path) -> None:
@@ -136,19 +124,11 @@ def require_ascii(names: Iterable[str], path: str | Path) -> None:
 
 def triangulated(points: NDArray[Any], corners: NDArray[Any], path: str | Path) -> TriSurface:
     """The surface of vertices (n, 3) and triangles (m, 3) that were read, whole numbers of any type."""
-    remedy = "export the surface again"
     if not len(points) or not len(corners):
-        raise InputError("holds no vertices or no triangles", file=path, remedy=remedy)
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
-    if len(bad):
-        what = f"{len(bad)} vertices have coordinates that are not finite, the first is vertex {bad[0]}"
-        raise InputError(what, file=path, remedy=remedy)
-    outside = ~((corners >= 0) & (corners < len(points))).all(axis=1) | (corners != np.floor(corners)).any(axis=1)
-    if outside.any():
-        first = int(np.argmax(outside))
-        what = f"triangle {first} is {corners[first].tolist()}, but vertices run from 0 to {len(points) - 1}"
-        raise InputError(what, file=path, remedy=remedy)
-    return TriSurface(points, corners.astype(np.int32))
+        raise DamagedFileError("holds no vertices or no triangles", file=path)
+    require_finite_points(points, path)
+    with naming(path):
+        return TriSurface(points, corners)
 
 
 def sound(
@@ -167,15 +147,8 @@ def sound(
         a coordinate is not finite; the shape of an array is not that of `TetMesh`; a field does not have one value per
         node or tetrahedron; a tetrahedron or set names a node or tetrahedron that does not exist
     """
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
-    if len(bad):
-        what = f"{len(bad)} nodes have coordinates that are not finite, the first is {points[bad[0]].tolist()}"
-        raise InputError(what, file=path, remedy="export the mesh again")
+    require_finite_points(points, path)
     given = sets or MeshSets()
-    within = MeshSets(
-        {name: in_range(members, len(points), "node", path) for name, members in safely_named(given.nodes).items()},
-        {name: in_range(members, len(points), "node", path) for name, members in safely_named(given.faces).items()},
-        {name: in_range(members, len(cells), "element", path) for name, members in safely_named(given.cells).items()},
-    )
+    named = MeshSets(*(safely_named(some) for some in (given.nodes, given.faces, given.cells)))
     with naming(path):
-        return TetMesh(points, cells, safely_named(point_data or {}), safely_named(cell_data or {}), within)
+        return TetMesh(points, cells, safely_named(point_data or {}), safely_named(cell_data or {}), named)

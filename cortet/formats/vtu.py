@@ -18,10 +18,9 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.set_arrays import names_of, with_sets, without_sets
-from cortet.formats.untrusted import content, xml_root
+from cortet.formats.untrusted import by_library, content
 from cortet.meshes import TetMesh
 
 #: bytes that are compressed at a time
@@ -47,16 +46,14 @@ def read(path: str | Path) -> TetMesh:
         from cortet.formats import by_meshio  # loads what the files between stages do without
 
         return by_meshio.read(Path(path))
-    root = xml_root(head + b"</UnstructuredGrid></VTKFile>", path)
-    try:
+    with by_library("a complete VTU file", path):
+        root = ElementTree.fromstring(head + b"</UnstructuredGrid></VTKFile>")
         arrays = {
             section: {str(one.get("Name")): _values(one, data) for one in root.iterfind(f".//{section}/DataArray")}
             for section in ("Points", "Cells", "PointData", "CellData")
         }
         corners = arrays["Cells"]["connectivity"].reshape(-1, 4)
         return without_sets(path, arrays["Points"]["Points"], corners, arrays["PointData"], arrays["CellData"])
-    except (zlib.error, ValueError, KeyError) as error:
-        raise InputError(f"is not a complete VTU file: {error}", file=path, remedy="delete it and run again") from error
 
 
 def _values(array: ElementTree.Element, data: bytes) -> NDArray[Any]:

@@ -1,0 +1,200 @@
+"""A file is sound or refused: damaged files, files of another kind, and surfaces that cannot lie where they say."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import os
+import random
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import nibabel
+import numpy as np
+import pytest
+from damages import Seeds, outcome, place_damaged, seeds
+from exported import full_mesh
+from shapes import ball_surface
+from surface_files import FACES, FOREIGN, POINTS, data_array, gifti, points, saved, triangles
+
+from cortet.cohort.scan import scan
+from cortet.cohort.sheet import COLUMNS, LONGEST_LABEL, Case, read_sheet, write_sheet
+from cortet.config import Scan
+from cortet.errors import InputError
+from cortet.formats import FORMATS
+from cortet.formats.gifti import read_fields, read_surface, write_surface
+from cortet.formats.untrusted import safely_named
+from cortet.solver_files.export import convert, export
+from cortet.solver_files.sidecar import sidecar_path
+
+#: of the files that `damages` makes
+KINDS = [
+    *(name for name in FORMATS if name not in ("braingrowth", "febio")),
+    *("xdmf_of_meshio", "gate", "repair", "fields", "text_stl", "ply", "text_ply", "obj", "off"),
+    *("white", "thickness", "annot", "dseg", "aseg", "fa", "dti", "affine", "sheet", "config", "release"),
+]
+
+
+@pytest.fixture(scope="module")
+def valid(tmp_path_factory: pytest.TempPathFactory) -> Seeds:
+    return seeds(tmp_path_factory.mktemp("valid"))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_damaged_files_are_refused_or_give_a_sound_result(kind: str, valid: Seeds, tmp_path: Path) -> None:
+    assert set(KINDS) == set(valid)
+    file, read = valid[kind]
+    assert outcome(read, file) == "sound"
+    for number in range(4 if kind == "vtu" else 20):  # VTU files other than whole ones begin PyVista
+        damaged = place_damaged(file, random.Random(number), tmp_path / str(number))
+        assert outcome(read, damaged) in ("sound", "refused"), f"{kind} {number}"
+
+
+def with_value(value: float) -> np.ndarray:
+    values = POINTS.copy()
+    values[2, 1] = value
+    return values
+
+
+LONGER = base64.b64encode(zlib.compress(bytes(60))).decode()
+PLY = b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
+PLY += b"property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+OBJ, OFF = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+NIFTI = nibabel.Nifti1Image(np.zeros((2, 2, 2), np.uint8), np.eye(4)).to_bytes()
+#: contents of a file that is no surface
+REFUSED: list[bytes] = [
+    *(gifti(), gifti(points()), gifti(points(), points(), triangles())),
+    gifti(points(np.zeros((0, 3), np.float32)), triangles()),
+    gifti(points(POINTS[:, :2]), triangles()),
+    *(gifti(points(with_value(value)), triangles()) for value in (np.nan, np.inf)),
+    gifti(points().replace("-90", "1e999"), triangles()),
+    *(gifti(points(), triangles(FACES + shift)) for shift in (1, -1)),
+    gifti(points(), triangles((FACES.astype(np.int64) + 2**32 - 4).astype(np.uint32))),
+    gifti(points(), triangles(FACES.astype(np.float32))),
+    gifti(points(), triangles(), data_array(np.zeros(3, np.float32), "SHAPE")),
+    *(gifti(points(Dim0=count), triangles()) for count in ("3", "5", "99999999999999")),
+    gifti(points(encoding="ASCII", Dim0="5"), triangles()),
+    gifti(points(encoding="ASCII", order="F"), triangles()),  # which NiBabel 5.4 misreads
+    gifti(points().replace(points().split("<Data>")[1].split("<")[0], LONGER), triangles()),
+    *(gifti(points(**{key: "BIG"}), triangles()) for key in ("Dim1", "DataType", "Encoding", "Endian")),
+    gifti(points(Encoding="GZipBase64Binary", encoding="Base64Binary"), triangles()),
+    *(gifti(points(), triangles())[:size] for size in (10, 100, -5)),
+    PLY.replace(b"3 0 1 2", b"4 0 1 2 0"),
+    PLY.replace(b"3 0 1 2", b"3 0 1 3"),
+    PLY.replace(b"1 0 0", b"1 nan 0"),
+    PLY.replace(b"vertex 3", b"vertex 300000000000"),
+    PLY.replace(b"ascii", b"binary_little_endian"),
+    PLY.replace(b"float x", b"float u"),
+    *(PLY.replace(b"vertex 3", b"vertex"), PLY[:80]),
+    *(FOREIGN[name][:3000] for name in ("binary.ply", "text.ply", "text.stl")),
+    *(OBJ, OBJ + b"f -3 -2 -1\n", OBJ + b"f 1 2 4\n", OBJ + b"v 1 1 0\nf 1 2 4 3\n"),
+    OBJ.replace(b"1 0 0", b"1 0 x") + b"f 1 2 1\n",
+    *(OFF.replace(b"3 1 0", b"3 2 0"), OFF + b"3 0 2 1\n", OFF[:4]),
+    *(OFF.replace(b"OFF", head) for head in (b"4OFF", b"COFF", b"OFF BINARY")),
+    *(OFF.replace(b"3 0 1 2", b"4 0 1 2"), OFF.replace(b"3 0 1 2", b"3 0 1 3"), OFF.replace(b"1 0 0\n", b"1 0 x\n")),
+    b"\xff\xff\xff\x00\x00\x00\x01\x00\x00\x00\x00\x00\x00\x00\x01" + bytes(4),
+]
+#: contents that are neither a surface nor values, and what they are
+NEITHER: list[tuple[bytes, str]] = [
+    *((b"", "GIfTI"), (b"what is this", "GIfTI"), (b"<Other></Other>", "GIFTI")),
+    *((gzip.compress(b"what is this", mtime=0), "GIfTI"), (b"\x1f\x8b\x08\x00" + bytes(20), "unpacked")),
+    *((NIFTI, "NIfTI"), (gzip.compress(NIFTI, mtime=0), "NIfTI")),
+    (b'<?xml version="1.0"?>\n<VTKFile type="PolyData" version="1.0">', "VTK"),
+    (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "LFS"),
+    (b"<!DOCTYPE html><html><body>404</body>", "web page"),
+    (b"P 0.3 0.3 0.4 10 1 4\n 0 0 0\n 1 0 0\n", "MNI"),
+    (b'<?xml version="1.0" encoding="none"?><GIFTI></GIFTI>', "GIfTI"),
+]
+
+
+@pytest.mark.parametrize(("content", "word"), [*((content, "") for content in REFUSED), *NEITHER])
+def test_what_is_no_surface_is_refused_with_file_and_remedy(tmp_path: Path, content: bytes, word: str) -> None:
+    path = saved(tmp_path, "x.surf.gii", content)
+    with pytest.raises(InputError, match=word) as caught:
+        read_surface(path)
+    assert str(path) in str(caught.value) and caught.value.remedy
+    if word:
+        with pytest.raises(InputError, match=word):
+            read_fields(path)
+
+
+def test_a_field_named_as_a_path_writes_nothing_elsewhere(tmp_path: Path) -> None:
+    name, mesh, ball = "../../evil", full_mesh(), ball_surface(1)
+    write_surface(replace(ball, point_data={name: np.ones(len(ball.points), np.float32)}), tmp_path / "s.surf.gii")
+    assert list(read_surface(tmp_path / "s.surf.gii").point_data) == ["____evil"]
+    source = tmp_path / "deep" / "er" / "m.vtu"
+    FORMATS["vtu"].write(replace(mesh, point_data={name: mesh.point_data["thickness"]}), source)
+    convert(source, source.with_name("out.pts"), source_unit="mm")
+    outside = [path for path in tmp_path.rglob("*") if path.is_file() and path.parent != source.parent]
+    assert outside == [tmp_path / "s.surf.gii"]
+    names = [("a", 1), ("a", 2), ("a_2", 3), ("x/../y\n", 4), ("", 5)]
+    assert list(safely_named(names)) == ["a", "a_2", "a_2_2", "x___y_", "unnamed"]
+
+
+def test_a_json_file_of_another_kind_is_no_sidecar(tmp_path: Path) -> None:
+    path, other = tmp_path / "m.vtu", tmp_path / "precious.gii"
+    other.touch()
+    export(full_mesh(), path, solver="vtu", certificate={"certified": True})
+    record = json.loads(sidecar_path(path).read_text())
+    for strange in ({}, [], record | {"units": 3}, record | {"fields": {"thickness": 3}}, record | {"made_from": {}}):
+        sidecar_path(path).write_text(json.dumps(strange))
+        with pytest.raises(InputError, match=r"m\.vtu\.json"):
+            convert(path, tmp_path / "n.mesh", source_unit="mm")
+    sidecar_path(path).write_text(json.dumps({**record, "files": {**record["files"], "precious.gii": ""}}))
+    export(full_mesh(), path, solver="vtu", certificate={"certified": True})
+    assert other.exists()
+
+
+# --- sheets, whose labels become names of files
+
+
+def sheet(folder: Path, *values: str) -> Path:
+    row = dict(zip(COLUMNS, ("007", "01", "L", "27.5", "a.surf.gii", "yes", "n/a"), strict=True))
+    row |= {"site": "x"} | dict(zip(values[::2], values[1::2], strict=True))
+    path = folder / "cohort.tsv"
+    path.write_text("\t".join(row) + "\n" + "\t".join(row.values()) + "\n", encoding="utf-8")
+    return path
+
+
+LABELS = ["../x", "..", "a/b", "a\\b", "$(reboot)", "a b", "a\x00b", "{case}", "*", "-rf", "a.b", "\u0430bc", "x" * 41]
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [
+        *((column, value) for column in ("participant_id", "session_id", "hemi") for value in LABELS),
+        *(("surface", value) for value in ("a\x00b", "a\x1bb", "{x}", "*", "x" * 5000, "a\u2028b")),
+        ("site", "a\x1b[2Jb"),
+    ],
+)
+def test_a_cell_that_can_be_no_name_of_a_file_is_refused(column: str, value: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"line 2.*{column}|column {column}"):
+        read_sheet(sheet(tmp_path, column, value))
+
+
+def test_surfaces_may_lie_anywhere_and_patterns_are_filled_in_and_nothing_else(tmp_path: Path) -> None:
+    for given in ("../../release/$(x) `y`; z/a.surf.gii", "/data/a.surf.gii"):
+        (case,) = read_sheet(sheet(tmp_path, "surface", given))
+        assert case.surface == Path(os.path.normpath(tmp_path / given))
+    for pattern in ("{site:>9999999999}", "{site.__class__}", "{0}", "{}", "a\0{site}", "{{site}}"):
+        with pytest.raises(InputError, match="cannot be filled in"):
+            read_sheet(sheet(tmp_path), {"thickness": pattern})
+    for of_release in ("/etc/{participant}", "", "x", "\0{participant}"):  # it stays below the release
+        with pytest.raises(InputError, match=r"cohort\.scan\.surfaces"):
+            scan(tmp_path, Scan(surfaces=[of_release]))
+
+
+def test_names_and_messages_have_a_length_that_fits(tmp_path: Path) -> None:
+    label = "x" * LONGEST_LABEL
+    name = f"sub-{label}_ses-{label}_hemi-L_res-10000um_desc-latticePublishedBoundarySmoothed_tetmesh.quality.json"
+    assert len(f".1234567-12345678.{name}") < 255
+    write_sheet([Case("a", None, "L", 24.5, Path(f"{'s' * 256}.surf.gii"))], path := tmp_path / "cohort.tsv")
+    with pytest.raises(InputError, match="file name"):
+        read_sheet(path)
+    path.write_text("\t".join(COLUMNS) + "\n" + "x\n" * 20_000)
+    with pytest.raises(InputError, match=r"20000 problem\(s\)"):
+        read_sheet(path)
+    error = InputError("a" * 500_000, file="b" * 500_000, remedy="c" * 500_000)
+    assert len(str(error)) < 40_000 and "[... 490,000 characters ...]" in error.what
