@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import zlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from cortet.errors import InputError
+from cortet.formats.untrusted import by_library, check_file
 from cortet.formats.volumes import require_geometry
 from cortet.meshes import CoordinateFrame, FloatArray, TriSurface
 
@@ -40,14 +40,14 @@ def matrix(unit: str, affine: Sequence[Sequence[float]] | str | Path | None) -> 
         return None
     file = affine if isinstance(affine, (str, Path)) else None
     whole = np.eye(4) if affine is None else _of_image(file) if file is not None else np.array(affine, float)
-    if whole.shape != (4, 4) or not np.isfinite(whole).all() or (whole[3] != [0, 0, 0, 1]).any():
-        raise InputError(
-            f"affine {whole.tolist()} is not 4 x 4 with the last row 0 0 0 1",
-            file=file,
-            remedy="give the four rows of the voxel-to-mm affine",
-        )
-    if abs(np.linalg.det(whole[:3, :3])) <= _SINGULAR * np.prod(np.linalg.norm(whole[:3, :3], axis=0)):
-        raise InputError(f"affine {whole.tolist()} flattens space", file=file, remedy="give the voxel-to-mm affine")
+    if (
+        whole.shape != (4, 4)
+        or not np.isfinite(whole).all()
+        or (whole[3] != [0, 0, 0, 1]).any()
+        or abs(np.linalg.det(whole[:3, :3])) <= _SINGULAR * np.prod(np.linalg.norm(whole[:3, :3], axis=0))
+    ):
+        what = f"affine {whole.tolist()} is not 4 x 4 with the last row 0 0 0 1, or flattens space"
+        raise InputError(what, file=file, remedy="give the four rows of the voxel-to-mm affine")
     scale = np.diag([*[UNITS[unit]] * 3, 1.0])
     return tuple(tuple(row) for row in (scale @ whole).tolist())
 
@@ -89,12 +89,9 @@ def _of_image(path: str | Path) -> Any:
     """Voxel-to-mm affine in the header of an image."""
     import nibabel
 
-    try:
+    check_file(path)
+    with by_library("an image", path):
         image: Any = nibabel.load(path)
         affine = np.asarray(image.affine, float)
-    except (OSError, EOFError, ValueError, AttributeError, zlib.error, nibabel.filebasedimages.ImageFileError) as error:
-        raise InputError(
-            f"cannot be read as an image: {error}", file=path, remedy="give the image that the surface was made from"
-        ) from None
     require_geometry(image, path)
     return affine

@@ -10,9 +10,6 @@ import gzip
 import logging
 import os
 import re
-import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -23,7 +20,7 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.tsv import read_tsv
-from cortet.formats.untrusted import check_file
+from cortet.formats.untrusted import by_library, check_file
 from cortet.meshes import CoordinateFrame, FloatArray
 
 if TYPE_CHECKING:
@@ -93,38 +90,31 @@ def volume_file(text: str) -> str:
 
 def read_named(text: str) -> Volume:
     """The volume that `FILE` or `FILE:KIND` names. Raises InputError as `read_volume`, and for another kind."""
-    match = _SPELLING.fullmatch(text)
-    if match and match["what"] is not None and match["what"] not in get_args(Kind):
-        raise InputError(
-            f"{match['what']!r} is not a kind of volume", file=match["file"], remedy=f"use {', '.join(get_args(Kind))}"
-        )
-    kind: Any = match["what"] if match else None
+    kind: Any = (match := _SPELLING.fullmatch(text)) and match["what"]
+    if kind is not None and kind not in get_args(Kind):
+        remedy = f"use {', '.join(get_args(Kind))}"
+        raise InputError(f"{kind!r} is not a kind of volume", file=volume_file(text), remedy=remedy)
     return read_volume(volume_file(text), kind)
 
 
 def read_labels(text: str) -> tuple[Volume, list[int]]:
     """The volume and the labels that `FILE:5` or `FILE:5,6` names; a label may also be given by its name."""
     match = _SPELLING.fullmatch(text)
-    if match is None:
-        raise InputError("is not a volume", file=text, remedy="give NIfTI or MGZ, and labels: FILE.nii.gz:5,6")
-    if not match["what"]:
-        raise InputError("is a volume, not a surface", file=text, remedy="say which labels to take: FILE:5 or FILE:5,6")
+    if match is None or not match["what"]:
+        what = "is a volume, not a surface" if match else "is not a volume"
+        raise InputError(what, file=text, remedy="give NIfTI or MGZ, and which labels to take: FILE.nii.gz:5,6")
     volume = read_volume(match["file"], "labels")
-    by_name: dict[str, list[int]] = {}
-    for number, name in volume.names.items():
-        by_name.setdefault(name, []).append(number)
     there = np.unique(volume.values).tolist()
     keys = []
     for word in match["what"].split(","):
-        named = by_name.get(word, [])
-        if len(named) > 1:
-            what = f"gives the labels {', '.join(map(str, named))} the same name {word!r}"
-            raise InputError(what, file=label_table(match["file"]), remedy="use their numbers instead")
-        key = int(word) if re.fullmatch(r"-?\d{1,18}", word) else next(iter(named), None)
-        if key is None or key not in there:
+        named = [number for number, name in volume.names.items() if name == word]
+        if re.fullmatch(r"-?\d{1,18}", word):
+            named = [int(word)]
+        if len(named) != 1 or named[0] not in there:
             shown = ", ".join(f"{one} {volume.names.get(one, '')}".strip() for one in there[:20] if one)
-            raise InputError(f"has no label {word!r}", file=match["file"], remedy=f"it has {shown or 'none'}")
-        keys.append(key)
+            many = f", but {len(named)} of that name: use their numbers" if len(named) > 1 else ""
+            raise InputError(f"has no label {word!r}{many}", file=match["file"], remedy=f"it has {shown or 'none'}")
+        keys += named
     return volume, keys
 
 
@@ -147,7 +137,7 @@ def read_volume(path: str | Path, kind: Kind | None = None) -> Volume:
     if not str(path).endswith(_ENDINGS):
         raise InputError("is not a volume", file=path, remedy=f"give a file that ends in {', '.join(_ENDINGS)}")
     check_file(path)
-    with _readable(path):
+    with by_library("a volume", path):
         image: Any = nibabel.load(path, mmap=False)  # if a mapped file is truncated later, the program dies
     return _volume(image, path, kind)
 
@@ -174,16 +164,12 @@ def label_names(path: str | Path) -> dict[int, str]:
     if file is None:
         return {}
     table = read_tsv(file)
-    remedy = "a lookup table of BIDS has the columns index (a whole number) and name"
-    if not {"index", "name"} <= set(table.columns):
-        raise InputError(f"has the columns {', '.join(table.columns)}", file=file, remedy=remedy)
     names: dict[int, str] = {}
-    for line, key, name in zip(table.index, table["index"], table["name"], strict=True):
-        if not re.fullmatch(r"-?\d{1,9}", key):
-            raise InputError(f"line {line}: {key!r} is not an index", file=file, remedy=remedy)
-        if int(key) in names:
-            raise InputError(f"line {line}: label {key} appears twice", file=file, remedy="keep one of the two")
-        names[int(key)] = name
+    with by_library("a lookup table of BIDS with the columns index (a whole number, each once) and name", file):
+        for key, name in zip(map(int, table["index"]), table["name"], strict=True):
+            if key in names:
+                raise ValueError(f"label {key} appears twice")
+            names[key] = name
     return names
 
 
@@ -196,8 +182,7 @@ def _volume(image: SpatialImage, path: str | Path, kind: Kind | None) -> Volume:
         remedy = "name it NAME=FILE:tensors" if tensors else "a tensor has six numbers"
         raise InputError(f"holds {there} per voxel, so it cannot hold {kind}", file=path, remedy=remedy)
     if not np.nan_to_num(values).any():
-        what = "every voxel is 0" if not np.isnan(values).any() else "no voxel holds a number but 0"
-        raise InputError(f"is empty: {what}", file=path, remedy="export it again")
+        raise InputError("is empty: no voxel holds a number but 0", file=path, remedy="export it again")
     if tensors:
         return Volume(_tensors(values, affine, order or kind or "tensors", path), affine, "tensors", file=str(path))
     if kind == "labels" or (kind is None and _are_labels(values, path)):
@@ -206,66 +191,23 @@ def _volume(image: SpatialImage, path: str | Path, kind: Kind | None) -> Volume:
     return Volume(values.astype(np.float32), affine, "numbers", file=str(path))
 
 
-@contextmanager
-def _readable(path: str | Path) -> Iterator[None]:
-    """Turn the errors that NiBabel raises for damaged files into InputError."""
-    import nibabel
-    import nibabel.freesurfer.mghformat
-
-    try:
-        yield
-    except (
-        OSError,
-        EOFError,
-        ValueError,
-        TypeError,
-        KeyError,
-        ArithmeticError,
-        AttributeError,
-        MemoryError,
-        zlib.error,
-    ) as error:
-        raise InputError(f"cannot be read as a volume: {error}", file=path, remedy="export it again") from None
-    except (
-        nibabel.filebasedimages.ImageFileError,
-        nibabel.spatialimages.HeaderDataError,
-        nibabel.spatialimages.ImageDataError,
-        nibabel.wrapstruct.WrapStructError,
-        nibabel.freesurfer.mghformat.MGHError,
-    ) as error:
-        raise InputError(f"cannot be read as a volume: {error}", file=path, remedy="export it again") from None
-
-
 def _content(image: SpatialImage, path: str | Path) -> tuple[NDArray[Any], FloatArray, str]:
     """Values (i, j, k) or (i, j, k, 6), affine, and the order of tensors if the header states it."""
-    with _readable(path):
+    with by_library("a volume", path):
         shape = tuple(int(count) for count in image.shape)
-        order = _shape_is_usable(shape, path)
+        more = [count for count in shape[3:] if count != 1]
+        if len(shape) < 3 or 0 in shape or more not in ([], [_TENSOR]):
+            what = f"has the shape {shape}, which is neither one volume nor the six of a tensor"
+            remedy = "take one volume out of it, for example with fslroi or mrconvert -coord 3 0"
+            raise InputError(what, file=path, remedy=remedy)
         affine = np.asarray(image.affine, float)
         require_geometry(image, path)
         _require_mm(image, affine, path)
         _say_disagreement(image, path)
         values = np.asarray(image.dataobj)
-    if values.dtype.kind not in "iuf":
-        raise InputError(f"holds values of type {values.dtype}", file=path, remedy="export it as numbers")
-    return values.reshape(shape[:3] if order is None else (*shape[:3], _TENSOR)), affine, order or ""
-
-
-def _shape_is_usable(shape: tuple[int, ...], path: str | Path) -> str | None:
-    """None for a single volume; for tensors the order of their six numbers, empty if the header does not state it."""
-    more = [count for count in shape[3:] if count != 1]
-    if len(shape) < 3 or 0 in shape:
-        remedy = "give a volume with three axes"
-        raise InputError(f"has the shape {shape}, which is not a volume", file=path, remedy=remedy)
-    if not more:
-        return None
-    if more != [_TENSOR]:
-        raise InputError(
-            f"holds {int(np.prod(more, dtype=object))} volumes (its shape is {shape}), not one, or the six of a tensor",
-            file=path,
-            remedy="take one out of it, for example with fslroi or mrconvert -coord 3 0",
-        )
-    return "symmetric" if len(shape) == 5 else ""
+        if values.dtype.kind not in "iuf":
+            raise ValueError(f"it holds values of type {values.dtype}")
+    return values.reshape((*shape[:3], *more)), affine, "symmetric" if more and len(shape) == 5 else ""
 
 
 def require_geometry(image: Any, path: str | Path) -> None:
@@ -289,23 +231,14 @@ def require_geometry(image: Any, path: str | Path) -> None:
 
 def _require_mm(image: Any, affine: FloatArray, path: str | Path) -> None:
     """Raise InputError for an affine that is none, or whose coordinates are not mm."""
-    header = image.header
-    if not np.isfinite(affine).all():
-        raise InputError("its affine is not finite", file=path, remedy="export it again")
     widths = np.linalg.norm(affine[:3, :3], axis=0)
-    if abs(np.linalg.det(affine[:3, :3])) <= _SINGULAR * np.prod(widths):
-        raise InputError("its affine flattens space", file=path, remedy="export it again")
-    unit = header.get_xyzt_units()[0] if hasattr(header, "get_xyzt_units") else "mm"
-    size = " x ".join(f"{width:.3g}" for width in widths)
-    if unit in ("meter", "micron"):
-        what = f"is in {'metres' if unit == 'meter' else 'micrometres'}, as its header says"
-    elif widths.min() < _NARROWEST:
-        what = f"has voxels of {size} mm: it seems to be in metres"
-    elif widths.max() > _WIDEST:
-        what = f"has voxels of {size} mm: it seems to be in micrometres"
-    else:
-        return
-    raise InputError(what, file=path, remedy="write it in mm, as the surface is")
+    if not abs(np.linalg.det(affine[:3, :3])) > _SINGULAR * np.prod(widths):
+        raise InputError("its affine flattens space, or is not finite", file=path, remedy="export it again")
+    unit = image.header.get_xyzt_units()[0] if hasattr(image.header, "get_xyzt_units") else "mm"
+    if unit in ("meter", "micron") or widths.min() < _NARROWEST or widths.max() > _WIDEST:
+        size = " x ".join(f"{width:.3g}" for width in widths)
+        what = f"is not in mm but in metres or micrometres: its voxels are {size} wide, and its unit is {unit}"
+        raise InputError(what, file=path, remedy="write it in mm, as the surface is")
 
 
 def _say_disagreement(image: Any, path: str | Path) -> None:
@@ -322,15 +255,7 @@ def _say_disagreement(image: Any, path: str | Path) -> None:
 
 def _are_labels(values: NDArray[Any], path: str | Path) -> bool:
     """Whether voxels hold labels; InputError if the file leaves that open."""
-    if _LABELLED.search(Path(path).name):
-        return True
-    if values.dtype.kind != "f":
-        if np.ptp(values) > _MOST_LABELS and len(np.unique(values)) > _MOST_LABELS:
-            raise InputError(
-                f"holds more than {_MOST_LABELS:,} different whole numbers, too many for labels",
-                file=path,
-                remedy="if it is an image, name it NAME=FILE:numbers",
-            )
+    if values.dtype.kind != "f" or _LABELLED.search(Path(path).name):
         return True
     finite = values[np.isfinite(values)]
     if (np.abs(finite - np.rint(finite)) <= _ROUNDED).all() and np.rint(finite).any():
@@ -343,29 +268,22 @@ def _are_labels(values: NDArray[Any], path: str | Path) -> bool:
 
 
 def _whole(values: NDArray[Any], path: str | Path) -> NDArray[np.int32]:
-    """Labels as 32-bit integers; those that differ a little from whole numbers are rounded, which is said."""
+    """Labels as 32-bit integers; those that differ a little from whole numbers are rounded, with a warning."""
+    remedy = "save labels as integers, neither interpolated nor scaled; measured numbers are NAME=FILE:numbers"
     if values.dtype.kind == "f":
         whole = np.rint(values)
-        away = np.abs(values - whole)
-        broken = ~(away <= _ROUNDED)
+        broken = ~(np.abs(values - whole) <= _ROUNDED)
         if broken.any():
-            first = tuple(np.argwhere(broken)[0].tolist())
-            raise InputError(
-                f"is to hold labels, but {broken.mean():.1%} of its voxels hold no whole numbers, "
-                f"the first is {values[first]:.10g} at {first}",
-                file=path,
-                remedy="save labels as integers, neither interpolated nor scaled; measured numbers are FILE:numbers",
-            )
-        if away.any():
-            logger.warning("%s: its labels are up to %.1g from whole numbers: they are rounded", path, away.max())
+            first = f"{values[broken][0]:.10g}"
+            what = f"is to hold labels, but {broken.mean():.1%} of its voxels hold no whole numbers, such as {first}"
+            raise InputError(what, file=path, remedy=remedy)
+        if (values != whole).any():
+            logger.warning("%s: its labels are not quite whole numbers: they are rounded", path)
         values = whole
-    if values.min() < -(2**31) or values.max() >= 2**31:
-        raise InputError("holds a label beyond 32 bits", file=path, remedy="number the labels again")
-    labels = values.astype(np.int32)
-    if (count := len(np.unique(labels))) > _MOST_LABELS:
-        what = f"holds {count:,} labels, more than the {_MOST_LABELS:,} that are read"
-        raise InputError(what, file=path, remedy="if it is an image, name it NAME=FILE:numbers")
-    return labels
+    large = values.min() < -(2**31) or values.max() >= 2**31
+    if large or (np.ptp(values) > _MOST_LABELS and len(np.unique(values)) > _MOST_LABELS):
+        raise InputError(f"holds more than {_MOST_LABELS:,} labels, or one beyond 32 bits", file=path, remedy=remedy)
+    return values.astype(np.int32)
 
 
 def _tensors(values: NDArray[Any], affine: FloatArray, order: str, path: str | Path) -> NDArray[np.float32]:
@@ -376,7 +294,8 @@ def _tensors(values: NDArray[Any], affine: FloatArray, order: str, path: str | P
     header states the intent of NIfTI, are in x, y and z.
     """
     tensors = values[..., _ORDERS[order]].astype(np.float64)
-    full = matrices(tensors[np.isfinite(tensors).all(axis=-1) & tensors.any(axis=-1)])
+    held = np.isfinite(tensors).all(axis=-1) & tensors.any(axis=-1)
+    full = matrices(tensors[held])
     bad = float((np.linalg.eigvalsh(full)[:, 0] <= 0).mean()) if len(full) else 1.0
     if bad > 0.5:
         raise InputError(
@@ -384,7 +303,6 @@ def _tensors(values: NDArray[Any], affine: FloatArray, order: str, path: str | P
             file=path,
             remedy="name it NAME=FILE:mrtrix if MRtrix wrote it, NAME=FILE:tensors if FSL did",
         )
-    held = np.isfinite(tensors).all(axis=-1) & tensors.any(axis=-1)
     result = np.full(tensors.shape, np.nan, np.float32)
     if order == "tensors":
         axes = affine[:3, :3].copy()

@@ -26,7 +26,7 @@ from cortet.formats import read_mesh, vtu
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.placement import matrix
 from cortet.formats.tsv import read_tsv
-from cortet.formats.volumes import Volume, label_names, matrices, read_labels, read_named, read_volume, six
+from cortet.formats.volumes import Volume, label_names, matrices, read_labels, read_named, read_volume
 from cortet.formats.volumes import volume_of as volume_from
 from cortet.geometry.closest_point import tree_of
 from cortet.geometry.icosphere import icosphere
@@ -132,7 +132,7 @@ def test_labels_have_names(tmp_path: Path, labels: NDArray[np.int16]) -> None:
     with pytest.raises(InputError, match="GM"):
         read_labels(f"{file}:GM")
     own.write_text("index\tname\n1\tCSF\n2\tCSF\n")
-    with pytest.raises(InputError, match="dseg.tsv.*CSF"):
+    with pytest.raises(InputError, match="dseg.nii.gz.*CSF"):
         read_labels(f"{file}:CSF")
     for text in ("index\tname\nx\tCSF\n", "index\tname\n1\ta\n1\tb\n", "key\tname\n1\ta\n"):
         own.write_text(text)
@@ -154,7 +154,7 @@ BAD: dict[str, tuple[Callable[[Path, NDArray[np.int16]], Path], str]] = {
     "metres by the header": (lambda path, labels: written(path, labels, METRES, "meter"), "metres"),
     "metres": (lambda path, labels: written(path, labels, METRES), "metres"),
     "4-D": (lambda path, labels: written(path, np.stack([labels] * 4, axis=-1)), "tensor"),
-    "2-D": (lambda path, labels: written(path, labels[0]), "not a volume"),
+    "2-D": (lambda path, labels: written(path, labels[0]), "shape"),
     "whole numbers as float": (lambda path, labels: written(path, labels.astype(np.float32)), "labels or"),
     "the same beside NaN": (
         lambda path, labels: written(path, np.where(labels == 0, np.nan, labels).astype(np.float32)),
@@ -384,12 +384,6 @@ def test_the_mean_of_tensors_is_log_euclidean(tmp_path: Path) -> None:
     assert share is not None and 0.3 < share[0, 1] < 0.5
     geometric = 1e-4 * 100 ** share[0, 1]  # the mean of the tensors themselves would be five times as much
     np.testing.assert_allclose(found.cell_data["tensor"][0], [geometric] * 3 + [0] * 3, rtol=1e-4, atol=1e-9)
-
-
-def test_six_numbers_and_matrices() -> None:
-    numbers = np.arange(6.0)[None]
-    np.testing.assert_array_equal(six(matrices(numbers)), numbers)
-    np.testing.assert_array_equal(matrices(numbers)[0], [[0, 3, 5], [3, 1, 4], [5, 4, 2]])
 
 
 def test_the_frame_of_a_surface_leads_to_the_volume() -> None:
