@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from scipy.sparse import save_npz
@@ -15,7 +15,7 @@ from cortet.formats import FORMATS, format_of, read_mesh, require_holes
 from cortet.formats.atomic import atomic_folder, write_json
 from cortet.formats.gifti import read_surface
 from cortet.formats.hashing import mesh_sha256
-from cortet.formats.ownership import delete_made, final_name, may_write
+from cortet.formats.ownership import final_name, may_write
 from cortet.formats.placement import UNITS
 from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL, with_surface
 from cortet.geometry.filling import require_body
@@ -38,6 +38,19 @@ VERSION: int = 8
 Matrices = Callable[[TetMesh], Mapping[str, Any]]
 
 
+class About(TypedDict, total=False):
+    """What a sidecar says of the origin of a mesh."""
+
+    #: coordinate system of the surface the mesh was made from
+    frame: CoordinateFrame | None
+    #: field -> where it came from
+    sources: Mapping[str, FieldSource]
+    #: how interior nodes got their values
+    interior: str | None
+    #: which surfaces were meshed, from `meshed.made_from`
+    made_from: Mapping[str, Any] | None
+
+
 def export(
     mesh: TetMesh,
     path: Path,
@@ -46,12 +59,9 @@ def export(
     certificate: Mapping[str, Any],
     uncertified: bool = False,
     unit: str = "um",
-    frame: CoordinateFrame | None = None,
-    sources: Mapping[str, FieldSource] | None = None,
-    interior: str | None = None,
-    made_from: Mapping[str, Any] | None = None,
     holes: Collection[str] = (),
     beside: Matrices | None = None,
+    **about: Unpack[About],
 ) -> list[str]:
     """Write `path`, the files that belong to it and its sidecar, complete or not at all.
 
@@ -62,10 +72,6 @@ def export(
     certificate : content of the mesh's certificate.json
     uncertified : write the mesh even if it is not certified
     unit : unit of the coordinates, ``mm`` or ``um``, for formats that do not state it
-    frame : coordinate system of the surface the mesh was made from
-    sources : field -> where it came from
-    interior : how interior nodes got their values
-    made_from : which surfaces were meshed, from `meshed.made_from`
     holes : inner regions whose tetrahedra are left out; the certificate is that of the whole mesh
     beside : gives sparse matrices of the mesh that are written beside it, by name
 
@@ -84,20 +90,10 @@ def export(
     require_certified(mesh, certificate, path, uncertified=uncertified)
     bound_to = mesh_sha256(mesh)
     if len((hollowed := hollow(mesh, holes)).cells) < len(mesh.cells):
-        mesh, made_from = hollowed, {**(made_from or {}), "holes": list(holes)}
+        mesh, about["made_from"] = hollowed, {**(about.get("made_from") or {}), "holes": list(holes)}
     mesh, renamed = writable(mesh, solver)
-    lacks = _write_all(
-        mesh,
-        path,
-        solver=solver,
-        unit=unit,
-        frame=frame,
-        sources=sources or {},
-        interior=interior,
-        made_from=made_from,
-        beside=beside,
-        bound_to=bound_to,
-    )
+    matrices = (lambda: {**beside(mesh), "mesh_sha256": bound_to}) if beside else dict
+    lacks = _write_all(mesh, path, solver, unit, matrices, about)
     return [] if FORMATS[solver].is_surface else renamed + lacks
 
 
@@ -116,19 +112,12 @@ def require_certified(mesh: TetMesh, certificate: Mapping[str, Any], path: Path,
 def _write_all(
     content: TetMesh | TriSurface,
     path: Path,
-    *,
     solver: str,
     unit: str,
-    frame: CoordinateFrame | None,
-    sources: Mapping[str, FieldSource],
-    interior: str | None,
-    made_from: Mapping[str, Any] | None = None,
-    beside: Matrices | None = None,
-    bound_to: str = "",
+    matrices: Callable[[], dict[str, Any]],
+    about: About,
 ) -> list[str]:
     """Write a file, those that belong to it and its sidecar; returns what its format cannot hold, in words.
-
-    Matrices `beside` are those of the mesh whose hash is `bound_to`.
 
     Raises StageError if a mesh breaks a convention of solvers.
     """
@@ -141,29 +130,16 @@ def _write_all(
         kept = boundary_with_fields(held_mesh) if form.is_surface else held_mesh
         lacks = [] if form.is_surface else left_out(content, held_mesh)
     may_write(sidecar_path(path))
-    with atomic_folder(path) as folder:
-        write(content, folder / path.name, solver=solver, unit=unit, frame=frame)
-        matrices = beside(content) if beside and isinstance(content, TetMesh) else {}
-        maps = {name: f"{path.name}.{name}.npz" for name in matrices}
-        for name, matrix in matrices.items():
+    # an earlier export of this name may have had other sets
+    with atomic_folder(path, replaced=[sidecar_path(path)]) as folder:
+        write(content, folder / path.name, solver=solver, unit=unit, frame=about.get("frame"))
+        maps = matrices()
+        for name in maps.keys() - {"mesh_sha256"}:
+            matrix, maps[name] = maps[name], f"{path.name}.{name}.npz"
             save_npz(folder / maps[name], matrix)
-        record = sidecar(
-            kept,
-            content,
-            solver=solver,
-            files=sorted(folder.iterdir()),
-            unit=unit if form.has_unit else "mm",
-            frame=frame or CoordinateFrame(),
-            sources=sources,
-            interior=interior,
-            made_from=made_from,
-        )
-        if maps:
-            record["map"] = {**maps, "mesh_sha256": bound_to}
-        for file in folder.iterdir():
-            may_write(path.with_name(file.name))  # check before deleting anything
-        delete_made(sidecar_path(path))  # an earlier export of this name may have had other sets
-        write_json(record, sidecar_path(folder / path.name))
+        stated = unit if form.has_unit else "mm"
+        record = sidecar(kept, content, solver=solver, files=sorted(folder.iterdir()), unit=stated, **about)
+        write_json(record | ({"map": maps} if maps else {}), sidecar_path(folder / path.name))
     return lacks
 
 
@@ -233,15 +209,19 @@ def convert(
         content, renamed = writable(mesh, written_as.name)
         done += renamed
     stored, frame = record.get("coordinate_system"), content.frame if isinstance(content, TriSurface) else None
+    fields = record.get("fields", {})
     return done + _write_all(
         content,
         target,
-        solver=written_as.name,
-        unit=unit,
-        frame=CoordinateFrame(**{**stored, "matrix": tuple(stored["matrix"])}) if stored else frame,
-        sources={name: _source(field) for name, field in record.get("fields", {}).items() if field["source"]},
-        interior=next((field["interior"] for field in record.get("fields", {}).values()), None),
-        made_from=moved(record.get("made_from"), source.parent, target.parent),
+        written_as.name,
+        unit,
+        dict,
+        {
+            "frame": CoordinateFrame(**{**stored, "matrix": tuple(stored["matrix"])}) if stored else frame,
+            "sources": {name: _source(field) for name, field in fields.items() if field["source"]},
+            "interior": next((field["interior"] for field in fields.values()), None),
+            "made_from": moved(record.get("made_from"), source.parent, target.parent),
+        },
     )
 
 

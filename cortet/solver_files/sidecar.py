@@ -13,14 +13,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, FiniteFloat, ValidationError
+from pydantic import BaseModel, Field, FiniteFloat
 
 from cortet.errors import InputError
 from cortet.formats.hashing import sha256
 from cortet.formats.ownership import files_of, record_of
 from cortet.formats.surface_sets import with_surface
 from cortet.formats.tags import face_tags, regions
-from cortet.formats.untrusted import content
+from cortet.formats.untrusted import by_library, content
 from cortet.geometry.topology import boundary_faces, face_areas
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, TetMesh, TriSurface
@@ -45,9 +45,9 @@ def sidecar(
     solver: str,
     files: Iterable[Path],
     unit: str,
-    frame: CoordinateFrame,
-    sources: Mapping[str, FieldSource],
-    interior: str | None,
+    frame: CoordinateFrame | None = None,
+    sources: Mapping[str, FieldSource] | None = None,
+    interior: str | None = None,
     made_from: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Content of the sidecar.
@@ -67,7 +67,7 @@ def sidecar(
         "format": solver,
         **record_of(files),
         "units": {"coordinates": unit},
-        "coordinate_system": asdict(frame),
+        "coordinate_system": asdict(frame or CoordinateFrame()),
         "nodes": len(content.points),
     }
     if made_from:
@@ -84,7 +84,8 @@ def sidecar(
             },
         }
     faces = boundary_faces(content) if isinstance(content, TetMesh) else content.faces
-    fields = {name: _field(name, values, sources.get(name), interior) for name, values in content.point_data.items()}
+    known = sources or {}
+    fields = {name: _field(name, values, known.get(name), interior) for name, values in content.point_data.items()}
     return record | {
         "boundary_faces": len(faces),
         "surface_area_mm2": float(face_areas(content.points, faces).sum()),
@@ -138,16 +139,9 @@ def read_sidecar(path: Path) -> dict[str, Any]:
     file = sidecar_path(path)
     if not file.exists():
         return {}
-    try:
+    with by_library("a sidecar of a mesh", file):
         record: dict[str, Any] = json.loads(content(file))
         _Record.model_validate(record)
-    except ValidationError as error:
-        wrong = ", ".join(".".join(map(str, one["loc"])) for one in error.errors())
-        raise InputError(
-            f"is not a sidecar: wrong or missing {wrong}", file=file, remedy="export the mesh again"
-        ) from error
-    except (ValueError, RecursionError) as error:
-        raise InputError(f"is not a sidecar: {error}", file=file, remedy="export the mesh again") from error
     return record
 
 
