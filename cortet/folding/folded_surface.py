@@ -17,11 +17,12 @@ from cortet.folding.measurements import depth_below_hull, gaussian_curvature, lo
 from cortet.formats import vtu
 from cortet.formats.components import in_components
 from cortet.formats.gifti import write_fields, write_surface
+from cortet.formats.volumes import matrices
 from cortet.geometry.interpolation import applied
 from cortet.geometry.spheres import vertex_areas
 from cortet.geometry.topology import vertex_normals
 from cortet.meshes import FloatArray, TetMesh, TriSurface
-from cortet.solver_files.results import invariants, symmetric
+from cortet.solver_files.results import invariants
 from cortet.solver_files.surface_map import SurfaceMap
 
 VERSION: int = 2
@@ -75,7 +76,7 @@ def maps_of(frame: TetMesh, start: TetMesh, found: SurfaceMap) -> tuple[TriSurfa
         raise InputError("the frame holds no stress", remedy="name its week in fold.surfaces, and fold again")
     points, faces = surface.points, surface.faces
     thick = found.on_surface(frame.cell_data[THICKNESS_FIELD])
-    at_depth = found.at_depth(thick)
+    at_depth = found.weights(thick).nodes
 
     def across(moved: FloatArray) -> FloatArray:
         """Length of what was the straight line across the cortex in the user's mesh."""
@@ -92,8 +93,8 @@ def maps_of(frame: TetMesh, start: TetMesh, found: SurfaceMap) -> tuple[TriSurfa
         "area_growth": vertex_areas(surface) / vertex_areas(folded_surface(start, found)),
     }
     for tissue, above in {"cortex": 0 * thick, "white": thick}.items():
-        matrix = found.in_cells((above, above + thick))
-        tensors = symmetric(applied(matrix, frame.cell_data["stress"]))
+        matrix = found.weights((above, above + thick)).cells
+        tensors = matrices(applied(matrix, frame.cell_data["stress"]))
         of_stress = invariants(tensors)
         maps |= {
             f"{tissue}_stress": of_stress["principal_1"],

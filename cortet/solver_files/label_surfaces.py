@@ -105,18 +105,12 @@ def _of_labels(
     """The surfaces of labels, in the coordinates of `outer`, by name; and what they are."""
     volume, keys = read_labels(text)
     to_scanner = np.array(to_mm) if to_mm is not None else outer.frame.to_scanner
-    moved = replace(outer, points=_mapped(to_scanner, outer.points), inner={})
+    moved = placed(replace(outer, inner={}), to_scanner.tolist())
     if np.isfinite(moved.points).all():
-        require_in_place({name: volume}, replace(moved, frame=type(outer.frame)()))
+        require_in_place({name: volume}, moved)
     made, told = surfaces_of_labels(name, volume, keys, handles)
-    back = np.linalg.inv(to_scanner)
-    turned = np.linalg.det(back[:3, :3]) < 0
-    return {
-        own: single_precision(
-            TriSurface(_mapped(back, part.points), part.faces[:, ::-1] if turned else part.faces, frame=outer.frame)
-        )
-        for own, part in made.items()
-    }, told
+    back = np.linalg.inv(to_scanner).tolist()
+    return {own: single_precision(replace(placed(part, back), frame=outer.frame)) for own, part in made.items()}, told
 
 
 def surfaces_of_labels(
@@ -174,7 +168,3 @@ def _told(name: str, part: LabelSurface, labels: str) -> str:
 
 def _handles(count: int) -> str:
     return f"{count} handle{'' if count == 1 else 's'}"
-
-
-def _mapped(matrix: FloatArray, points: FloatArray) -> FloatArray:
-    return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])

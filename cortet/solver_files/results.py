@@ -20,6 +20,7 @@ from cortet.formats.components import in_components
 from cortet.formats.placement import UNITS
 from cortet.formats.set_arrays import holds_set
 from cortet.formats.untrusted import check_file, naming, safely_named, sound
+from cortet.formats.volumes import matrices
 from cortet.geometry.interpolation import is_label
 from cortet.geometry.topology import edges, used_vertices
 from cortet.meshes import IntArray, TetMesh
@@ -34,8 +35,6 @@ _ROUNDED = 1e-5
 _EXODUS = (".e", ".exo", ".ex2", ".exii", ".g")
 #: nodes are the same within this share of the shortest edge
 _SAME_NODE = 0.05
-#: rows and columns of the six numbers of a symmetric tensor: xx, yy, zz, xy, yz, xz, as VTK has them
-_SYMMETRIC = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
 #: a tensor is symmetric if it differs from its transpose by no more than this share of its largest number
 _ASYMMETRY = 1e-4
 
@@ -169,7 +168,7 @@ def on_surface(
     ----------
     steps : of `read_result`
     found : map of the mesh
-    depth : mm, as `SurfaceMap.at_depth`
+    depth : mm, as `SurfaceMap.weights`
     """
     mesh, order, last = found.mesh, None, None
     times: list[float | None] = []
@@ -259,7 +258,7 @@ def _of_tensors(fields: Mapping[str, NDArray[np.float64]]) -> tuple[dict[str, ND
         width = values.shape[1] if values.ndim == 2 else 1
         if width not in (6, 9):
             continue
-        tensors = symmetric(values) if width == 6 else values.reshape(-1, 3, 3)
+        tensors = matrices(values) if width == 6 else values.reshape(-1, 3, 3)
         turned = np.swapaxes(tensors, 1, 2)
         if np.nanmax(np.abs(tensors - turned), initial=0) > _ASYMMETRY * np.nanmax(np.abs(tensors), initial=0):
             told.append(f"{name} is not symmetric: no principal values")
@@ -268,11 +267,6 @@ def _of_tensors(fields: Mapping[str, NDArray[np.float64]]) -> tuple[dict[str, ND
             told.append(f"{name} is read as xx, yy, zz, xy, yz, xz")
         found |= {f"{name}_{what}": some for what, some in invariants((tensors + turned) / 2).items()}
     return found, told
-
-
-def symmetric(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Tensors (k, 3, 3) of their six numbers (k, 6): xx, yy, zz, xy, yz, xz."""
-    return values[:, _SYMMETRIC]
 
 
 def invariants(tensors: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:

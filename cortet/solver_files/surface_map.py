@@ -83,7 +83,14 @@ class SurfaceMap:
         return self.weights().nodes
 
     def weights(self, depth: Depth | None = None) -> ToSurface:
-        """What brings values of the mesh to the vertices, on the surface or below it, as `at_depth`."""
+        """What brings values of the mesh to the vertices, on the surface, or below it along the inward normal there.
+
+        A range is the mean over the part of it that lies in the mesh.
+
+        Parameters
+        ----------
+        depth : mm, of one point or of both ends of a range; a vertex whose depth is NaN has no value
+        """
         return ToSurface(self, self.nearest if depth is None else self._below(depth))
 
     @cached_property
@@ -98,36 +105,17 @@ class SurfaceMap:
         around = _means(corners, np.repeat(np.arange(len(cells)), 4), volumes, shape)
         return corners.reshape(-1, 4), around
 
-    def at_depth(self, depth: Depth) -> csr_array:
-        """(v, n) from nodes to the point below each vertex, along the inward normal of the meshed surface.
-
-        A range is the mean over the part of it that lies in the mesh.
-
-        Parameters
-        ----------
-        depth : mm, of one point or of both ends of a range; a vertex whose depth is NaN has no value
-        """
-        return self.weights(depth).nodes
-
-    def in_cells(self, depth: Depth) -> csr_array:
-        """(v, m) from tetrahedra to vertices: as `at_depth`, without a mean over the tetrahedra around a node."""
-        return self.weights(depth).cells
-
     def _below(self, depth: Depth) -> Located:
         """Points below vertices; several of each for a range."""
         ends = depth if isinstance(depth, tuple) else (depth, depth)
+        remedy = "give mm: one value, or one per vertex, not below 0; or the two ends of a range, the smaller one first"
         try:
             first, last = (np.broadcast_to(np.asarray(end, float), len(self.points)) for end in ends)
         except (TypeError, ValueError) as error:
-            raise InputError(
-                f"a depth must be one number, or one for each of {len(self.points):,} vertices: {error}",
-                remedy="give mm: one value, one per vertex, or the two ends of a range",
-            ) from error
+            raise InputError(f"{depth} is not a valid depth: {error}", remedy=remedy) from error
         unknown = any(np.isnan(end) for end in ends if np.ndim(end) == 0)
         if unknown or np.any((first < 0) | (last < first) | np.isinf(first + last)):
-            raise InputError(
-                f"{depth} is not a valid depth", remedy="give mm, not below 0, the smaller end of a range first"
-            )
+            raise InputError(f"{depth} is not a valid depth", remedy=remedy)
         steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES if (first < last).any() else np.zeros(1)
         known = np.flatnonzero(np.isfinite(self.points).all(axis=1) & np.isfinite(first + last))
         found = []

@@ -21,7 +21,7 @@ from cortet.errors import InputError
 from cortet.formats import abaqus, febio
 from cortet.formats.atomic import atomic_folder, write_json
 from cortet.formats.ownership import record_of
-from cortet.formats.surface_sets import sides, with_surface
+from cortet.formats.surface_sets import members, sides, with_surface
 from cortet.formats.tags import face_tags, region_numbers, regions
 from cortet.geometry.quadratic import EDGES, QuadraticMesh
 from cortet.geometry.topology import TRI_EDGES, boundary_nodes
@@ -116,9 +116,9 @@ def _by_meshio(file_format: str) -> Callable[[TetMesh, QuadraticMesh, MeshSets, 
 
     def write(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path) -> None:
         of_nodes = {name: with_middles(curved, values) for name, values in mesh.point_data.items()}
-        of_nodes |= {f"node_set_{name}": _marked(nodes, len(curved.points)) for name, nodes in sets.nodes.items()}
+        of_nodes |= {f"node_set_{name}": members(len(curved.points), nodes) for name, nodes in sets.nodes.items()}
         of_cells: dict[str, list[NDArray[Any]]] = {REGION: [region_numbers(mesh)]}
-        of_cells |= {f"cell_set_{name}": [_marked(part, len(curved.cells))] for name, part in sets.cells.items()}
+        of_cells |= {f"cell_set_{name}": [members(len(curved.cells), part)] for name, part in sets.cells.items()}
         of_cells |= {name: [values] for name, values in mesh.cell_data.items() if name != REGION}
         names = {name: np.array([tag, 3]) for name, tag in regions(mesh).items()}
         content = meshio.Mesh(
@@ -143,13 +143,6 @@ def _write_gmsh(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path
         field_data={name: np.array([tag, dim]) for dim, tags in numbers.items() for name, tag in tags.items()},
     )
     meshio.write(path, content, file_format="gmsh22")
-
-
-def _marked(members: IntArray, count: int) -> NDArray[np.uint8]:
-    """1 for each member, 0 for others: (count,)."""
-    marks = np.zeros(count, np.uint8)
-    marks[members] = 1
-    return marks
 
 
 #: suffixes of files that are plain ASCII, and for whom they are

@@ -234,13 +234,10 @@ def _require_cover(volume: Volume, points: FloatArray) -> None:
         return
     corners = np.array(np.meshgrid(*([-0.5, n - 0.5] for n in shape))).reshape(3, -1).T
     corners = corners @ volume.affine[:3, :3].T + volume.affine[:3, 3]
-    reach = f"which reaches from {place_mm(corners.min(axis=0))} to {place_mm(corners.max(axis=0))}"
-    centre = (points.min(axis=0) + points.max(axis=0)) / 2
-    if beyond(centre[None])[0] > 0:
-        what = f"the surface's centre, {place_mm(centre)}, lies outside the volume, {reach}"
-    else:
-        share = f"{(out > 0).mean():.1%} of the surface's vertices lie outside the volume, by up to {out.max():.1f} mm"
-        what = f"{share}; it {reach.removeprefix('which ')}"
+    what = (
+        f"{(out > 0).mean():.1%} of the surface's vertices lie outside the volume, by up to {out.max():.1f} mm; it "
+        f"reaches from {place_mm(corners.min(axis=0))} to {place_mm(corners.max(axis=0))}"
+    )
     remedy = "give a volume of this brain, in the space of the surface"
     if beyond(points * _LPS).max() <= widths.max():
         remedy = "it lies inside with x and y reversed: is the surface in LPS? write it in RAS"
@@ -251,7 +248,6 @@ def _require_on(volume: Volume, surface: TriSurface) -> None:
     """Raise InputError if labels lie beside the inside of a surface, but would cover it from another position."""
     found = coverage(surface, volume.values != 0, volume.affine)
     enough = max(found.here + _GAIN, _NEARLY * found.possible)
-    covers = f"its labels cover {found.here:.0%} of the surface's inside"
     best = max(found.flipped.values())
     flipped = best >= enough and best >= found.shifted - _GAIN
     moved = found.shifted >= enough and np.linalg.norm(found.shift) > volume.voxel
@@ -260,18 +256,15 @@ def _require_on(volume: Volume, surface: TriSurface) -> None:
     turned = replace(surface, points=surface.points * _LPS)  # the way round of its triangles stays
     share = coverage(turned, volume.values != 0, volume.affine).here
     by_one_axis = max(share for axes, share in found.flipped.items() if len(axes) == 1)
+    better = "none if they were moved or reversed"
     if share >= max(enough, by_one_axis + _GAIN):
-        what = f"{covers}, and {share:.0%} with x and y of the surface reversed"
-        raise InputError(what, file=volume.file, remedy="the surface seems to be in LPS: write it in RAS")
-    if flipped:
-        what = f"{covers}, and {_reversed(found)}"
-        raise InputError(what, file=volume.file, remedy="it seems to be flipped: export it again with its own affine")
-    if moved:
-        what = f"{covers}, and {found.shifted:.0%} if they were moved by {place_mm(found.shift)}"
-        raise InputError(what, file=volume.file, remedy="it seems to be shifted: give it in the space of the surface")
-    raise InputError(
-        "none of its labels lies inside the surface", file=volume.file, remedy="give a volume of this brain"
-    )
+        better = f"{share:.0%} with x and y of the surface reversed: is the surface in LPS? write it in RAS"
+    elif flipped:
+        better = f"{_reversed(found)}: is it flipped? export it again with its own affine"
+    elif moved:
+        better = f"{found.shifted:.0%} if they were moved by {place_mm(found.shift)}: is it shifted?"
+    what = f"its labels cover {found.here:.0%} of the surface's inside, and {better}"
+    raise InputError(what, file=volume.file, remedy="give a volume of this brain, in the space of the surface")
 
 
 def _background(name: str, volume: Volume, surface: TriSurface) -> Background:

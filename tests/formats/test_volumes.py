@@ -217,7 +217,7 @@ def test_labels_beside_the_surface_are_refused(ball: TriSurface, labels: NDArray
     corner[:3, :3, :3] = 1
     for values, affine, word in (
         (labels, moved, r"63%.*moved by \(-4.00, 0.00, 3.00\) mm"),
-        (labels, AFFINE + _shift(100), "centre"),
+        (labels, AFFINE + _shift(100), "100.0%"),
         (labels, AFFINE + _shift(12), "by up to 6.0 mm"),
         (corner, AFFINE, "none of its labels"),
     ):
