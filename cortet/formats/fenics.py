@@ -26,16 +26,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.formats.atomic import atomic_path
-from cortet.formats.surface_sets import (
-    listed_faces,
-    members,
-    with_surface,
-)
+from cortet.formats.set_arrays import CELL_SET, FACE_SET, NODE_SET
+from cortet.formats.surface_sets import listed_faces, members, with_surface
 from cortet.formats.tags import face_tags, region_numbers, regions
 from cortet.geometry.topology import packed
 from cortet.meshes import REGION, IntArray, TetMesh
 
-_NODE_SET, _CELL_SET, _FACE_SET = "node_set_", "cell_set_", "face_set_"
 #: name of the table of tags
 _NAMES = "Information"
 _XDMF_TYPES = {"i": "Int", "u": "UInt", "f": "Float"}
@@ -59,15 +55,15 @@ def write(mesh: TetMesh, path: str | Path) -> None:
     arrays |= {f"mesh/node/{name}": values for name, values in mesh.point_data.items()}
     arrays |= {f"mesh/cell/{name}": values for name, values in mesh.cell_data.items() if name != REGION}
     arrays |= {
-        f"mesh/node/{_NODE_SET}{name}": members(len(mesh.points), nodes) for name, nodes in mesh.sets.nodes.items()
+        f"mesh/node/{NODE_SET}{name}": members(len(mesh.points), nodes) for name, nodes in mesh.sets.nodes.items()
     }
     arrays |= {
-        f"mesh/cell/{_CELL_SET}{name}": members(len(mesh.cells), cells)
+        f"mesh/cell/{CELL_SET}{name}": members(len(mesh.cells), cells)
         for name, cells in mesh.sets.cells.items()
         if name not in known
     }
     arrays |= {
-        f"facets/cell/{_FACE_SET}{name}": _faces_among(faces, subset).astype(np.uint8)
+        f"facets/cell/{FACE_SET}{name}": _faces_among(faces, subset).astype(np.uint8)
         for name, subset in mesh.sets.faces.items()
         if name not in tags
     }

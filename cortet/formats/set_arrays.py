@@ -19,23 +19,23 @@ from cortet.formats.untrusted import sound
 from cortet.meshes import REGION, FloatArray, IntArray, MeshSets, TetMesh
 
 #: prefixes of the names of arrays that hold a set
-_NODE_SET, _FACE_SET, _CELL_SET = "node_set_", "face_set_", "cell_set_"
+NODE_SET, FACE_SET, CELL_SET = "node_set_", "face_set_", "cell_set_"
 
 Arrays = dict[str, NDArray[Any]]
 
 
 def with_sets(mesh: TetMesh) -> tuple[Arrays, Arrays]:
     """Fields and sets of a mesh as arrays of its nodes and of its tetrahedra, by name."""
-    node_sets = {f"{_NODE_SET}{name}": members(len(mesh.points), nodes) for name, nodes in mesh.sets.nodes.items()}
-    cell_sets = {f"{_CELL_SET}{name}": members(len(mesh.cells), cells) for name, cells in mesh.sets.cells.items()}
+    node_sets = {f"{NODE_SET}{name}": members(len(mesh.points), nodes) for name, nodes in mesh.sets.nodes.items()}
+    cell_sets = {f"{CELL_SET}{name}": members(len(mesh.cells), cells) for name, cells in mesh.sets.cells.items()}
     numbers = {REGION: region_numbers(mesh)} if mesh.sets.cells and REGION not in mesh.cell_data else {}
-    face_sets = {f"{_FACE_SET}{name}": _bits(mesh, faces) for name, faces in mesh.sets.faces.items()}
+    face_sets = {f"{FACE_SET}{name}": _bits(mesh, faces) for name, faces in mesh.sets.faces.items()}
     return {**mesh.point_data, **node_sets}, {**mesh.cell_data, **numbers, **face_sets, **cell_sets}
 
 
 def holds_set(name: str) -> bool:
     """Whether an array of this name holds a set, or numbers of regions, as `with_sets` makes them."""
-    return name == REGION or name.startswith((_NODE_SET, _FACE_SET, _CELL_SET))
+    return name == REGION or name.startswith((NODE_SET, FACE_SET, CELL_SET))
 
 
 def names_of(mesh: TetMesh) -> dict[str, tuple[int, int]]:
@@ -48,9 +48,9 @@ def without_sets(path: str | Path, points: FloatArray, cells: IntArray, of_nodes
     """The mesh with its fields and sets, from the arrays that `with_sets` makes."""
     fields, cell_fields = dict(of_nodes), dict(of_cells)
     sets = MeshSets(
-        _indices(_taken(fields, _NODE_SET)),
-        {name: _faces(cells, bits) for name, bits in _taken(cell_fields, _FACE_SET).items()},
-        _indices(_taken(cell_fields, _CELL_SET)),
+        _indices(_taken(fields, NODE_SET)),
+        {name: _faces(cells, bits) for name, bits in _taken(cell_fields, FACE_SET).items()},
+        _indices(_taken(cell_fields, CELL_SET)),
     )
     return sound(path, points, cells, fields, cell_fields, sets)
 

@@ -8,7 +8,6 @@ pandas is imported only where a table is read or written, so that stages start w
 from __future__ import annotations
 
 import csv
-import io
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -52,23 +51,18 @@ def read_uneven_tsv(path: Path) -> tuple[pd.DataFrame, dict[int, str]]:
     import pandas as pd
 
     lines = _lines(path)
-    width = lines[0][1].count("\t") + 1
+    header, *rows = ([cell.strip() for cell in text.split("\t")] for _, text in lines)
+    width = len(header)
     if width > _MOST_COLUMNS:
         raise InputError(f"has {width:,} columns, more than {_MOST_COLUMNS:,}", file=path, remedy="leave some out")
-    counts = {number: text.count("\t") + 1 for number, text in lines}
-    even = [text if counts[number] <= width else "\t".join(text.split("\t")[:width]) for number, text in lines]
-    cells = pd.read_csv(
-        io.StringIO("".join(f"{text}\n" for text in even)),
-        sep="\t",
-        header=None,
-        dtype=str,
-        na_filter=False,
-        quoting=csv.QUOTE_NONE,
-        lineterminator="\n",
-        skip_blank_lines=False,  # blank lines of the file are gone; any left is an empty cell of a single column
-    ).map(str.strip)
-    frame = cells[1:].set_axis(cells.iloc[0].tolist(), axis="columns").set_axis(list(counts)[1:], axis="index")
-    return frame, {number: _miscounted(count, width) for number, count in counts.items() if count != width}
+    wrong = {
+        number: f"all columns: {len(row)} values for {width} columns "
+        "(separate values by single tabs and write n/a for missing ones)"
+        for (number, _), row in zip(lines[1:], rows, strict=True)
+        if len(row) != width
+    }
+    even = [(row + [""] * width)[:width] for row in rows]
+    return pd.DataFrame(even, [number for number, _ in lines[1:]], header, dtype=object), wrong
 
 
 def write_tsv(rows: pd.DataFrame | Iterable[Mapping[str, Any]], columns: Sequence[str], path: Path) -> None:
@@ -113,10 +107,3 @@ def _lines(path: Path) -> list[tuple[int, str]]:
     if not lines:
         raise InputError("is empty", file=path, remedy="give a table with a header line and tab-separated values")
     return lines
-
-
-def _miscounted(count: int, width: int) -> str:
-    return (
-        f"all columns: {count} values for {width} columns "
-        "(separate values by single tabs and write n/a for missing ones)"
-    )

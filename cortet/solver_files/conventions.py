@@ -22,7 +22,6 @@ from cortet.formats.surface_sets import (
     interface_sets,
     surface_faces,
 )
-from cortet.formats.tags import region_numbers
 from cortet.geometry.topology import TET_FACES, boundary_faces, packed
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import AROUND, IntArray, TetMesh
@@ -78,33 +77,20 @@ def _other_faces(mesh: TetMesh, boundary: IntArray) -> Iterator[str]:
     known = np.concatenate([boundary, *between])
     for name, faces in mesh.sets.faces.items():
         if name.endswith(INTERFACE) and len(faces):
-            tells = name.removesuffix(INTERFACE) in mesh.sets.cells
-            if misplaced := _not_between_regions(mesh, faces, tells=tells):
-                yield f"face set {name} names {misplaced} faces that are not between two regions"
+            if misplaced := _not_between(mesh, faces):
+                yield f"face set {name} names {misplaced} faces that are not between two tetrahedra"
         elif name not in SURFACE and len(faces):
             both = packed(np.concatenate([known, faces]))
             if strange := np.count_nonzero(~np.isin(both[-len(faces) :], both[: -len(faces)])):
                 yield f"face set {name} names {strange} faces that are not on the boundary"
 
 
-def _not_between_regions(mesh: TetMesh, faces: IntArray, *, tells: bool) -> int:
-    """Number of faces that are not shared by two tetrahedra, of different regions or sets if the file tells them."""
-    near = np.flatnonzero(np.isin(mesh.cells, faces).sum(axis=1) >= 3)
-    every = mesh.cells[near][:, TET_FACES].reshape(-1, 3)
-    key = packed(np.concatenate([faces, every]))
-    belongs = region_numbers(mesh).astype(np.int64)
-    for cells in mesh.sets.cells.values():
-        belongs *= 2
-        belongs[cells] += 1
-        belongs = np.unique(belongs, return_inverse=True)[1]  # many sets would need more than 64 bits
-    good = np.zeros(len(faces), np.bool_)
-    order = np.argsort(key[len(faces) :], kind="stable")
-    ordered, owner = key[len(faces) :][order], np.repeat(near, 4)[order]
-    first = np.searchsorted(ordered, key[: len(faces)], "left")
-    count = np.searchsorted(ordered, key[: len(faces)], "right") - first
-    two = count == 2
-    good[two] = (belongs[owner[first[two]]] != belongs[owner[first[two] + 1]]) | (not tells)
-    return int(np.count_nonzero(~good))
+def _not_between(mesh: TetMesh, faces: IntArray) -> int:
+    """Number of faces that are not shared by two tetrahedra."""
+    near = mesh.cells[np.isin(mesh.cells, faces).sum(axis=1) >= 3][:, TET_FACES].reshape(-1, 3)
+    key = packed(np.concatenate([faces, near]))
+    known, times = np.unique(key[len(faces) :], return_counts=True)
+    return int(np.count_nonzero(~np.isin(key[: len(faces)], known[times == 2])))
 
 
 def _sets(mesh: TetMesh) -> Iterator[str]:
