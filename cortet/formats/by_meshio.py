@@ -62,11 +62,9 @@ _ELEMENT_DATA = re.compile(rb"\$ElementData\s.*?\$EndElementData\s", re.DOTALL)
 
 
 def read(path: Path) -> TetMesh:
-    """The tetrahedra of a file with their fields, regions and sets; other cells are left out.
+    """The tetrahedra of a file with their fields, regions and sets; cells of surfaces and lines are left out.
 
-    Raises
-    ------
-    InputError : meshio cannot read the file, or would read it wrongly; it has no tetrahedra, or other cells of a volume
+    A file that meshio would read wrongly, or with other cells of a volume, is refused.
     """
     check_file(path)
     try:

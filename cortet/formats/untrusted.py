@@ -139,14 +139,7 @@ def sound(
     cell_data: Mapping[str, NDArray[Any]] | None = None,
     sets: MeshSets | None = None,
 ) -> TetMesh:
-    """The mesh of arrays and sets that were read, shaped as in `TetMesh`, with safe names.
-
-    Raises
-    ------
-    InputError
-        a coordinate is not finite; the shape of an array is not that of `TetMesh`; a field does not have one value per
-        node or tetrahedron; a tetrahedron or set names a node or tetrahedron that does not exist
-    """
+    """The mesh of arrays and sets that were read, shaped as in `TetMesh`, by safe names; InputError if not so."""
     require_finite_points(points, path)
     given = sets or MeshSets()
     named = MeshSets(*(safely_named(some) for some in (given.nodes, given.faces, given.cells)))

@@ -125,12 +125,6 @@ def read_volume(path: str | Path, kind: Kind | None = None) -> Volume:
     ----------
     kind : None: six numbers per voxel are tensors; whole numbers are labels if the file holds integers or is named
         like a segmentation (`*_dseg.nii.gz`, `aseg.mgz`); all else are numbers
-
-    Raises
-    ------
-    InputError
-        the file cannot be read; it holds more than one volume, or only zeros; it is not in mm; it does not say where
-        its voxels are; its content does not fit the kind, or fits several
     """
     import nibabel
 

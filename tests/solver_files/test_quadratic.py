@@ -17,10 +17,7 @@ import pytest
 from cubes import cube_mesh
 from shapes import ball_mesh
 
-from cortet.cli import main
 from cortet.errors import InputError
-from cortet.formats import vtu
-from cortet.formats.gifti import write_surface
 from cortet.geometry.quadratic import EDGES, LEAST_JACOBIAN, QuadraticMesh, jacobian_bounds, quadratic
 from cortet.geometry.topology import boundary_surface, sheet
 from cortet.measure.quality import signed_volumes
@@ -222,22 +219,6 @@ def test_calculix_solves_on_the_curved_ball(ball: tuple[TetMesh, TriSurface], tm
     assert outward.mean() == pytest.approx(-pressure / 3 / bulk, rel=5e-3)
 
 
-def test_the_command_writes_and_says_what_it_did(
-    ball: tuple[TetMesh, TriSurface], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    mesh, surface = ball
-    vtu.write(mesh, tmp_path / "ball.vtu")
-    write_surface(surface, tmp_path / "ball.surf.gii")
-    files = [str(tmp_path / name) for name in ("ball.vtu", "ball.surf.gii")]
-    assert main(["quadratic", *files, "-o", str(tmp_path / "ten.feb")]) == 0
-    said = capsys.readouterr().out
-    assert "edges follow the surface" in said and "Jacobian determinant" in said
-    text = (tmp_path / "ten.feb").read_text()
-    assert text.count("<elem ") == len(mesh.cells) and '<Elements type="tet10"' in text and "<tri6 " in text
-    assert main(["quadratic", *files, "-o", str(tmp_path / "ten.stl")]) == 1
-    assert "ten-node elements" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("suffix", [".inp", ".feb", ".vtu", ".msh", ".xdmf"])
 def test_programs_find_the_ten_node_mesh(ball: tuple[TetMesh, TriSurface], tmp_path: Path, suffix: str) -> None:
     """Elements, nodes, fields and sets; the table of names stands beside it."""
@@ -245,6 +226,8 @@ def test_programs_find_the_ten_node_mesh(ball: tuple[TetMesh, TriSurface], tmp_p
     mesh = named_sets(replace(mesh, point_data={"depth": mesh.points[:, 0] + 2}), cortex_depth=0.3)
     curved = quadratic(mesh, surface)
     write_ten_nodes(mesh, curved, path := tmp_path / f"ten{suffix}")
+    with pytest.raises(InputError, match=r"ten\.stl"):
+        write_ten_nodes(mesh, curved, path.with_suffix(".stl"))
     record = json.loads((tmp_path / "ten.quadratic.json").read_text())
     assert record["tetrahedra"] == len(mesh.cells) and record["least_jacobian"] == curved.least_jacobian
     assert record["regions"] == {"cortex": 1, "core": 2} and "cortical_surface" in record["surface"]
@@ -252,6 +235,8 @@ def test_programs_find_the_ten_node_mesh(ball: tuple[TetMesh, TriSurface], tmp_p
     assert np.array_equal(cells, curved.cells) and np.allclose(points, curved.points, rtol=1e-9, atol=1e-11)
     if suffix != ".inp":  # Abaqus files hold no fields
         assert np.allclose(depth, with_middles(curved, mesh.point_data["depth"]), rtol=1e-9)
+    if suffix == ".feb":
+        assert '<Elements type="tet10"' in path.read_text() and "<tri6 " in path.read_text()
     if suffix in (".vtu", ".xdmf"):
         found = meshio.read(path)
         assert np.array_equal(np.flatnonzero(found.cell_data["cell_set_cortex"][0]), mesh.sets.cells["cortex"])
