@@ -77,12 +77,6 @@ FORMATS: dict[str, Format] = {
 
 #: what was a format, by the end of a name without its dot and by name -> the format in its place
 INSTEAD = {"vtk": "vtu", "bpts": "pts", "gmsh_v2": "gmsh", "carp_binary": "carp"}
-#: end of the name of a file that cortet writes, or wrote, and does not read -> what to give instead
-_NOT_READ = {
-    ".feb": "give the .vtu or .inp of the mesh; FEBio Studio exports both",
-    ".mesh": "give the .vtu of the mesh",
-    ".bpts": "convert it to text: meshtool convert -ifmt=carp_bin -ofmt=carp_txt",
-}
 
 
 def format_of(path: Path) -> Format:
@@ -113,8 +107,7 @@ def read_mesh(path: Path, *, unit: str = "um") -> TetMesh:
         return vtu.read(path)
     if path.suffix in by_meshio.READERS:
         return by_meshio.read(path)
-    endings = ", ".join([".pts", *by_meshio.READERS])
-    remedy = _NOT_READ.get(path.suffix, f"give a file that ends in {endings}")
+    remedy = f"give a file that ends in {', '.join(['.pts', *by_meshio.READERS])}; .vtu holds all of a mesh"
     raise InputError("has a file extension that cortet does not read as a mesh", file=path, remedy=remedy)
 
 

@@ -9,8 +9,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from nibabel.orientations import aff2axcodes
-from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
@@ -20,14 +18,10 @@ from cortet.geometry.envelope import envelope
 from cortet.geometry.label_surface import AS_THEY_ARE, Handles, LabelSurface, label_surfaces
 from cortet.geometry.mending import measurable
 from cortet.geometry.nesting import nested
-from cortet.meshes import BRAIN, OUTERMOST, FloatArray, TriSurface, is_brain, single_precision
+from cortet.meshes import BRAIN, OUTERMOST, TriSurface, is_brain, single_precision
 from cortet.solver_files.volumes import require_in_place
 
 logger = logging.getLogger(__name__)
-
-#: where the first slice of an axis lies, and the last one, by the coordinate that grows along the axis
-_FIRST = (("right", "left"), ("anterior", "posterior"), ("superior", "inferior"))
-_LAST = (("left", "right"), ("posterior", "anterior"), ("inferior", "superior"))
 
 
 class InnerSurfaces(NamedTuple):
@@ -132,24 +126,13 @@ def surfaces_of_labels(
             remedy="leave the surface out, or give a finer volume",
         )
     names = [name] if len(parts) == 1 else [f"{name}{number}" for number in range(1, len(parts) + 1)]
-    for side, area in _cut_off(mask, volume.affine).items():
-        what = "%s: label %s reaches the %s side of the image: its surface is flat there, over %.0f mm2"
-        logger.warning(what, volume.file or name, labels, side, area)
+    if any(mask.take(end, axis).any() for axis in range(3) for end in (0, -1)):
+        what = "%s: label %s reaches the border of the image, where its surface is flat"
+        logger.warning(what, volume.file or name, labels)
     told = [_told(own, part, labels) for own, part in zip(names, parts, strict=True)]
     if specks:
         told.append(f"{name}: {len(specks)} pieces of at most {max(specks)} voxels are left out")
     return {own: part.surface for own, part in zip(names, parts, strict=True)}, told
-
-
-def _cut_off(mask: NDArray[np.bool_], affine: FloatArray) -> dict[str, float]:
-    """Sides of an image that voxels reach, and the area there, mm2."""
-    found: dict[str, float] = {}
-    for end, sides in ((0, _FIRST), (-1, _LAST)):
-        for axis, side in enumerate(aff2axcodes(affine, sides)):  # type: ignore[no-untyped-call]
-            one, other = np.delete(affine[:3, :3], axis, axis=1).T
-            if count := int(mask.take(end, axis).sum()):
-                found[side] = count * float(np.linalg.norm(np.cross(one, other)))
-    return found
 
 
 def _told(name: str, part: LabelSurface, labels: str) -> str:

@@ -282,15 +282,11 @@ def _background(name: str, volume: Volume, surface: TriSurface) -> Background:
 
 
 def _reversed(found: Coverage) -> str:
-    """Which axes, reversed, fit best, with the share that is covered then, in words."""
+    """The fewest axes that fit best when they are reversed, with the share that is covered then, in words."""
     best = max(found.flipped.values())
-    fits = {axes: share for axes, share in found.flipped.items() if share >= best - _GAIN}
-    names = ("first", "second", "third")
-    first, *more = (
-        f"{share:.0%} if its {' and '.join(names[axis] for axis in axes)} {'axis' if len(axes) == 1 else 'axes'} were"
-        for axes, share in fits.items()
-    )
-    return ", ".join([f"{first} reversed", *more])
+    axes = min((axes for axes, share in found.flipped.items() if share >= best - _GAIN), key=len)
+    names = " and ".join(("first", "second", "third")[axis] for axis in axes)
+    return f"{found.flipped[axes]:.0%} with its {names} {'axis' if len(axes) == 1 else 'axes'} reversed"
 
 
 def _logarithms(tensors: NDArray[Any]) -> NDArray[np.float64]:

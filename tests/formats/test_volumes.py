@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import json
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -225,7 +224,7 @@ def test_labels_beside_the_surface_are_refused_with_what_would_fit(ball: TriSurf
         (volume_of(labels, AFFINE + _shift(14)), far, "LPS"),
         (volume_of(there), replace(aside, points=aside.points * [-1, -1, 1]), "LPS"),
     ]
-    for centre, axes in (([6, 6, 6], "first and second and third axes"), ([0, 0, 6], "third axis.* first and third")):
+    for centre, axes in (([6, 6, 6], "first and second and third axes"), ([0, 0, 6], "third axis")):
         aside, there = half_ball(ball, centre)
         require_in_place(volume_of(there), aside)
         cases.append((volume_of(np.flip(there)), aside, axes))
@@ -451,17 +450,13 @@ def test_sheets_and_gaps_of_one_voxel_keep_their_width(slope: float) -> None:
         assert made.furthest < 0.5
 
 
-def test_a_label_that_the_image_cuts_off_is_told_with_side_and_area(caplog: pytest.LogCaptureFixture) -> None:
-    """The first axis goes left, the third up."""
+def test_a_label_that_the_image_cuts_off_is_told(caplog: pytest.LogCaptureFixture) -> None:
     values = np.zeros((20, 20, 20), np.int16)
     values[10:, 4:12, 4:14] = 5
-    values[12:16, 6:10, :6] = 5
-    affine = np.diag([-2.0, 1, 1, 1])
-    surfaces_of_labels("x", Volume(values, affine, "labels", file="dseg.nii"), [5])
-    assert re.search("left side.* 80 mm2", caplog.text) and re.search("inferior side.* 32 mm2", caplog.text)
-    caplog.clear()
-    surfaces_of_labels("x", Volume(np.pad(values, 1), affine, "labels", file="dseg.nii"), [5])
+    surfaces_of_labels("x", Volume(np.pad(values, 1), np.eye(4), "labels", file="dseg.nii"), [5])
     assert not caplog.text
+    surfaces_of_labels("x", Volume(values, np.eye(4), "labels", file="dseg.nii"), [5])
+    assert "dseg.nii" in caplog.text and "label 5" in caplog.text
 
 
 def test_inner_surfaces_of_labels_are_named(tmp_path: Path, ball: TriSurface, labels: NDArray[np.int16]) -> None:
