@@ -107,7 +107,7 @@ def read_mesh(path: Path, *, unit: str = "um") -> TetMesh:
         return vtu.read(path)
     if path.suffix in by_meshio.READERS:
         return by_meshio.read(path)
-    remedy = f"give a file that ends in {', '.join(['.pts', *by_meshio.READERS])}; .vtu holds all of a mesh"
+    remedy = f"give the .vtu of the mesh, or a file that ends in {', '.join(['.pts', *by_meshio.READERS])}"
     raise InputError("has a file extension that cortet does not read as a mesh", file=path, remedy=remedy)
 
 

@@ -153,6 +153,8 @@ def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
         return mesh
     region, sets = np.zeros(len(mesh.cells), np.int32), mesh.sets.cells
     names = [*map(set_name, region_names(inner))]
+    if len(names) == 2 and names[0] == CORTEX and names[1] not in sets:
+        names[1] = CORE  # a single inner region is the core, whatever its surface is called now
     for number, name in enumerate(names, start=1):
         region[sets.get(name, [])] = number
     missing = [name for name in names if name not in sets]

@@ -353,7 +353,7 @@ def test_a_full_disk_loses_neither_the_mesh_that_was_there_nor_its_certificate(
         return write_text(file, *text, **how)
 
     monkeypatch.setattr(Path, "write_text", full_after)
-    for number in (1, 2, 3):  # the certificate, the sidecar, and the list of the files that cortet made
+    for number in (1, 2):  # the certificate and the sidecar
         count = number
         with pytest.raises(InputError, match=r"x\.\S+: cannot be written, as its disk has only .* MB left"):
             finer.save(path, force=True)

@@ -70,6 +70,23 @@ def test_on_a_full_disk_no_part_of_a_file_is_left(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def test_a_full_disk_may_cut_off_the_list_of_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, opened = made(tmp_path / "x"), Path.open
+
+    def full(file: Path, *how: Any, **more: Any) -> Any:
+        if file.name == MANIFEST and how == ("a",):
+            raise OSError(errno.ENOSPC, "no space")
+        return opened(file, *how, **more)
+
+    with monkeypatch.context() as patched, pytest.raises(InputError, match="disk"):
+        patched.setattr(Path, "open", full)
+        made(path, "again")
+    assert path.read_text() == "made" and {one.name for one in tmp_path.iterdir()} == {"x", MANIFEST}
+    with (tmp_path / MANIFEST).open("a") as file:
+        file.write("0123abc")
+    assert made(path, "again").read_text() == "again" and is_ours(path)
+
+
 def test_the_file_that_was_asked_for_comes_after_those_that_belong_to_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
