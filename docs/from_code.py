@@ -42,7 +42,7 @@ SPEAKERS = {
     "cohort.selection": ("ageless_notice",),
     "config.files": ("_complaint",),
     "config.section": ("_whole_micrometres",),
-    "formats.tsv": ("_miscounted",),
+    "formats.tsv": ("read_uneven_tsv",),
     "geometry.topology": ("problems",),
     "cohort.status": ("failure_reason",),
     "meshers.lattice": ("_fault",),
