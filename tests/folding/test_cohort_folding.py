@@ -49,52 +49,24 @@ def test_every_run_is_a_row_and_what_went_wrong_comes_first(runs: list[dict[str,
     assert (tmp_path / "folds.png").stat().st_size > 10_000
 
 
-def test_the_figure_has_a_curve_per_run_over_real_brains(runs: list[dict[str, Any]]) -> None:
+def test_the_figure_has_a_curve_per_run_over_real_brains_of_its_kind(runs: list[dict[str, Any]]) -> None:
     figure = cohort_folding_figure(runs)
     for axis in figure.axes:
         named = [line for line in axis.lines if not str(line.get_label()).startswith("_")]
         assert [line.get_label() for line in named] == [f"sub-a_hemi-L{name}, $h$ = 0.6 mm" for name in ("", " wild")]
-        assert [line.get_linestyle() for line in named] == ["-", "--"]
         assert sum(len(points.get_offsets()) for points in axis.collections) > 10
-        assert axis.get_xticks().tolist() == [22, 26, 30, 34, 38, 42]
     (legend,) = figure.legends
-    figure.draw_without_rendering()
-    assert legend.get_window_extent().y0 > max(axis.get_window_extent().y1 for axis in figure.axes)  # over no curve
-    names = [text.get_text() for text in legend.get_texts()]
-    assert len(names) == len(set(names)) == 2 + 4
-
-
-def test_halves_and_whole_brains_stand_over_real_ones_of_their_kind(runs: list[dict[str, Any]]) -> None:
-    figure = cohort_folding_figure([*runs, {**runs[0], "case": "sub-c", "hemisphere": None}])
-    names = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert len(names) == len(set(names)) == 3 + 4
-    assert len(figure.axes[0].collections) == 4 + 1
-
-
-def test_runs_that_have_a_name_in_the_legend_have_a_colour_of_their_own(runs: list[dict[str, Any]]) -> None:
-    cases = [{**runs[0], "case": f"sub-{number}_hemi-L"} for number in range(10)]
-    lines = [line for line in cohort_folding_figure(cases).axes[0].lines if str(line.get_label()).startswith("sub-")]
-    assert len({line.get_color() for line in lines}) == 10
-
-
-def test_variants_change_keys_of_fold() -> None:
-    config = load({"fold": {"cases": "all", "variants": {"thin": {"thickness": 1.0}, "stiff": {"core_stiffness": 2}}}})
-    assert config.fold.variants["thin"] == {"thickness": 1.0}
-    assert "variants" not in config.fold.values()
+    assert len({text.get_text() for text in legend.get_texts()}) == 2 + 4
+    both = cohort_folding_figure([*runs, {**runs[0], "case": "sub-c", "hemisphere": None}])
+    assert len(both.legends[0].get_texts()) == 3 + 4 and len(both.axes[0].collections) == 4 + 1
 
 
 @pytest.mark.parametrize(
-    "variants",
-    [
-        {"thin": {"thicknes": 1.0}},
-        {"thin": {"thickness": -1.0}},
-        {"thin": {}},
-        {"thin": {"cases": "all"}},
-        {"thin": {"real_surfaces": {}}},
-        {"thin": {"picture": "depth"}},
-        {"T n": {}},
-    ],
+    "variant",
+    [{"thicknes": 1.0}, {"thickness": -1.0}, {}, {"cases": "all"}, {"real_surfaces": {}}, {"picture": "depth"}],
 )
-def test_a_variant_that_cannot_be_is_refused(variants: dict[str, Any]) -> None:
+def test_a_variant_changes_keys_of_fold_that_there_are(variant: dict[str, Any]) -> None:
+    config = load({"fold": {"variants": {"thin": {"thickness": 1.0}}}})
+    assert config.fold.variants["thin"] == {"thickness": 1.0} and "variants" not in config.fold.values()
     with pytest.raises((InputError, ValidationError), match="fold"):
-        load({"fold": {"variants": variants}})
+        load({"fold": {"variants": {"thin": variant}}})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -53,6 +52,8 @@ def test_the_command_makes_everything_and_drawing_again_gives_the_same_files(run
     assert {name: (run / name).read_bytes() for name in before} == before
     with pytest.raises(InputError, match=r"fold\.pvd"):
         series(run / "frames/fold.pvd")
+    assert main(["fold", "--status", str(run)]) == 0 and "100%" in reached(run)
+    assert main(["fold", "--status", str(run / "frames")]) == 1
 
 
 def test_the_figure_shows_what_the_table_holds(run: Path) -> None:
@@ -68,33 +69,15 @@ def test_the_figure_shows_what_the_table_holds(run: Path) -> None:
     for label, (column, unit) in units.items():
         assert np.asarray(shown[label].get_ydata()) == pytest.approx(rows[column].to_numpy() / unit, nan_ok=True)
         assert np.asarray(shown[label].get_xdata()) == pytest.approx([22, 22.1, 22.2], abs=0.02)
-    widths = {axis.get_ylabel(): axis.get_position().width for axis in figure.axes}
-    assert max(widths["smallest $J$"], widths["largest $q$"]) < 0.7 * min(widths["area (cm²)"], widths["volume (mL)"])
-
-
-@pytest.mark.parametrize(
-    ("hemisphere", "sources"),
-    [("L", {"CRL": 5, "FetoMorph": 3, "spina": 1, "dHCP": 9}), (None, {"FetoMorph": 1})],
-)
-def test_the_curves_stand_on_real_brains_whose_source_is_named(
-    run: Path, hemisphere: str | None, sources: dict[str, int]
-) -> None:
-    figure = numbers(run / "fold.tsv", hemisphere)
-    for axis in figure.axes:
-        found = {re.split("[ ,]", str(points.get_label()))[0]: len(points.get_offsets()) for points in axis.collections}
-        small = axis.get_ylabel() in ("smallest $J$", "largest $q$")
-        assert found == ({} if small else sources)
-        assert all(np.isfinite(points.get_offsets()).all() for points in axis.collections)
-    (legend,) = figure.legends
-    named = [text.get_text() for text in legend.get_texts()]
-    assert named[0] == "this run" and [re.split("[ ,]", name)[0] for name in named[1:]] == list(sources)
+    for hemisphere, sources in (("L", 4), (None, 1)):  # of real brains, each named in the legend
+        (legend,) = numbers(run / "fold.tsv", hemisphere).legends
+        assert len(legend.get_texts()) == 1 + sources
 
 
 @pytest.mark.parametrize(
     ("first", "last", "ticks"),
     [
         (22.0, 22.2, [22, 23]),
-        (22, 38, [22, 26, 30, 34, 38]),
         (25, 30, list(range(25, 31))),
         (27.3, 34, [27, 29, 31, 33]),
     ],
@@ -134,10 +117,10 @@ def rows(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., list[
     monkeypatch.setattr(fold_figures, "simulated_brain", lambda _: brain)
     monkeypatch.setattr(fold_figures, "real_brain", lambda *_: brain)
 
-    def of(ages: list[float], real: list[float], text: str = "") -> list[tuple[float, str]]:
+    def of(ages: list[float], real: list[float]) -> list[tuple[float, str]]:
         files = {age: tmp_path / f"real{age:g}.surf.gii" for age in real}
         for path in files.values():
-            path.write_text(text)
+            path.touch()
         found = fold_figures.rows_of(frames(*ages), "L", files)
         assert all((row.real is not None) == bool(row.name) for row in found)
         return [(row.age, row.name) for row in found]
@@ -156,9 +139,6 @@ def test_rows_are_in_even_steps_with_one_for_every_real_brain_and_others_are_nam
     assert not caplog.messages
     assert rows([30.0, 31.0], [22.0, 30.4, 30.1]) == [(30, "real30.1, 30.1 weeks"), (31, "")]
     assert "real22.surf.gii" in caplog.text and "real30.4.surf.gii" in caplog.text
-    right = "<Name>AnatomicalStructurePrimary</Name><Value>CortexRight</Value>"
-    assert rows([30.0, 31.0], [30.0], right) == [(30, ""), (31, "")]
-    assert "hemisphere R" in caplog.text
 
 
 @pytest.mark.parametrize(
@@ -187,21 +167,6 @@ def test_a_real_brain_that_cannot_be_is_refused_before_the_work(
     assert not (tmp_path / "out").exists()
 
 
-def test_an_inverted_element_shows_in_the_exit_code(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    vtu.write(ball_mesh(2, radius=10.0), tmp_path / "ball.vtu")
-    (tmp_path / "fold.yaml").write_text("fold: {allow_volume: true, growth_rate: 1000}\n")
-    options = ["--ga", "22", "--config", str(tmp_path / "fold.yaml"), "--threads", "1"]
-    assert main(["fold", str(tmp_path / "ball.vtu"), "-o", str(tmp_path / "out"), *options]) == 1
-    assert "inverted (J = " in capsys.readouterr().out
-
-
-def test_another_terminal_can_ask_how_far_a_run_is(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["fold", "--status", str(run)]) == 0
-    line = capsys.readouterr().out.strip()
-    assert line == reached(run) and "100%" in line and "22.20 weeks" in line
-    assert main(["fold", "--status", str(run / "frames")]) == 1
-
-
 def test_a_log_gets_a_line_per_percent_with_what_is_left() -> None:
     now = Measurements(**dict.fromkeys(Measurements.__dataclass_fields__, 1.0))
     said: list[str] = []
@@ -209,4 +174,4 @@ def test_a_log_gets_a_line_per_percent_with_what_is_left() -> None:
     for part in (0.0, 0.004, 0.011, 0.012, 0.5, 1.0):
         progress(now, part, 10.0)
     assert [line.split("] ")[1][:4].strip() for line in said] == ["0%", "1%", "50%", "100%"]
-    assert "3 min left" in status(now, 0.25, 60.0) and "? left" in status(now, 0.0, 0.0)
+    assert "3 min left" in status(now, 0.25, 60.0)

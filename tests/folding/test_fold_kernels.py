@@ -137,7 +137,7 @@ def test_a_free_body_that_grows_alike_everywhere_is_without_stress() -> None:
     assert np.abs(forces(body, work, mesh.points, 0.5)).max() > 1e-3  # held at its old size it is under stress
 
 
-@pytest.mark.parametrize("cells", [4, 6, 10])
+@pytest.mark.parametrize("cells", [4, 10])
 def test_a_body_has_as_much_cortex_with_large_cells_as_with_small_ones(cells: int) -> None:
     """The cortex of a cube, 0.2 thick, fills 1 - 0.6^3 of it, whatever its cells are."""
     mesh = cube_mesh(cells, jitter=0.1)
@@ -181,18 +181,12 @@ def test_momentum_is_conserved_without_contact_and_damping() -> None:
     mass = material.density * work.node_grown[:, None]
     before = (mass * state.v).sum(axis=0), np.cross(state.x, mass * state.v).sum(axis=0)
     dt, _ = longest_step(material, state.x, work, no_contact(mesh), tangential([0.1]))
-    ended = advance(
-        body, material, state, work, no_contact(mesh), steps(200, 0.1), dt / 64
-    )  # not until it springs back
-    assert ended == (200, DONE)
+    short = dt / 64  # not until it springs back
+    assert advance(body, material, state, work, no_contact(mesh), steps(200, 0.1), short) == (200, DONE)
     after = (mass * state.v).sum(axis=0), np.cross(state.x, mass * state.v).sum(axis=0)
     scale = float(np.abs(mass * state.v).sum())
     assert np.abs(np.subtract(before, after)).max() < 1e-13 * scale
     assert np.abs(state.x - mesh.points).max() > 1e-3  # it did move
-
-
-def total_energy(state: Motion, work: Work, alpha: float) -> float:
-    return sum(energies(MATERIAL, state, work, tangential([alpha]), 0.0))
 
 
 def test_energy_decays_once_growth_has_stopped() -> None:
@@ -200,27 +194,12 @@ def test_energy_decays_once_growth_has_stopped() -> None:
     body, damped = body_of(mesh, UNIT, thickness=0.3), Material(damping=0.5)
     work, state = workspace(body), at_rest(mesh)
     dt = min(longest_step(damped, state.x, work, no_contact(mesh), tangential([0.3]))[0], 4e-4) / 8
-    energies = [total_energy(state, work, 0.3)]  # grown at once: it springs
-    for _ in range(10):
+    had = []
+    for _ in range(10):  # grown at once: it springs
+        had.append(sum(energies(MATERIAL, state, work, tangential([0.3]), 0.0)))
         assert advance(body, damped, state, work, no_contact(mesh), steps(200, 0.3), dt) == (200, DONE)
-        energies.append(total_energy(state, work, 0.3))
-    assert np.all(np.diff(energies) < 0)
-    assert energies[-1] < 0.7 * energies[0]
-
-
-def test_the_bits_are_the_same_for_any_number_of_threads() -> None:
-    if numba.config.NUMBA_NUM_THREADS < 2:
-        pytest.skip("one processor only")
-    mesh = ball_mesh(3)
-    results = []
-    for threads in (1, 2):
-        numba.set_num_threads(threads)
-        body = body_of(mesh, UNIT, thickness=0.2)
-        work, state = workspace(body), at_rest(mesh)
-        contact = contact_of(mesh.points, boundary_faces(mesh), bulk=5.0)
-        advance(body, MATERIAL, state, work, contact, steps(50, 0.3), 1e-4)
-        results.append((state.x.tobytes(), state.v.tobytes()))
-    assert results[0] == results[1]
+    assert np.all(np.diff(had) < 0)
+    assert had[-1] < 0.7 * had[0]
 
 
 @pytest.mark.parametrize("bad", [0.0, np.nan])
@@ -234,23 +213,15 @@ def test_it_stops_at_an_inverted_element_and_moves_nothing(bad: float) -> None:
     assert np.array_equal(state.x, x, equal_nan=True)
 
 
-def test_a_nearly_flat_element_takes_the_degenerate_branch_and_is_counted() -> None:
+def test_the_flatter_an_element_the_harder_it_is_pushed_open_and_nearly_flat_ones_are_counted() -> None:
     mesh = cube_mesh(1)
     body, work = ungrown(mesh)
-    flat = Motion(mesh.points * [1, 1, 0.05], np.zeros_like(mesh.points))
-    assert advance(body, MATERIAL, flat, work, no_contact(mesh), steps(1), 1e-9) == (1, DONE)
-    edges = 19
-    assert work.counts[0] == len(mesh.cells) + edges
-    assert work.min_j[0] == pytest.approx(0.05)
-    thin = Motion(mesh.points * [1, 1, 0.2], np.zeros_like(mesh.points))
-    advance(body, MATERIAL, thin, work, no_contact(mesh), steps(1), 1e-9)
-    assert work.counts[0] == len(mesh.cells) + edges
-
-
-def test_the_flatter_an_element_the_harder_it_is_pushed_open() -> None:
-    mesh = cube_mesh(1)
-    _, work = ungrown(mesh)
-    top = mesh.points[:, 2] == 1
+    top, edges = mesh.points[:, 2] == 1, 19
+    for stretch, degenerate in ((0.2, 0), (0.05, len(mesh.cells) + edges)):
+        flat = Motion(mesh.points * [1, 1, stretch], np.zeros_like(mesh.points))
+        work.counts[0] = 0
+        assert advance(body, MATERIAL, flat, work, no_contact(mesh), steps(1), 1e-9) == (1, DONE)
+        assert work.counts[0] == degenerate and work.min_j[0] == pytest.approx(min(stretch, 1))
 
     def push(stretch: float) -> float:
         elastic_forces(MATERIAL._replace(bulk=0.0), mesh.points * [1, 1, stretch], work, NO_GROWTH, 0.0)
@@ -329,11 +300,3 @@ def test_the_loop_of_the_law_is_made_of_vector_instructions() -> None:
     (assembly,) = fresh.inspect_asm().values()
     scalar, packed = assembly.count("mulsd"), assembly.count("mulpd")
     assert packed > 20 and packed >= scalar  # what is scalar is the remainder of the loop
-
-
-def test_who_makes_ready_for_steps_starts_the_threads(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A kernel that comes from the cache does not always, and then ends the process."""
-    started: list[bool] = []
-    monkeypatch.setattr(numba, "get_num_threads", lambda: started.append(True))
-    ungrown(cube_mesh(1))
-    assert started

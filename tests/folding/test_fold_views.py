@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -34,16 +33,6 @@ def box(size: tuple[float, float, float], red: int | None = None) -> Brain:
     if red is not None:
         colour[(2 * (red % 2) - 1) * ball.points[:, red // 2] > 0.02] = 0.3
     return Brain(TriSurface(ball.points * size, ball.faces), colour)
-
-
-@pytest.mark.parametrize("hemisphere", ["L", "R", None])
-def test_sides_are_where_anatomy_has_them(hemisphere: str | None) -> None:
-    first, second, above = sides(hemisphere)
-    outward = 1.0 if hemisphere == "R" else -1.0
-    assert first.towards.tolist() == [outward, 0, 0] and second.towards.tolist() == [-outward, 0, 0]
-    assert above.towards.tolist() == [0, 0, 1]
-    names = ["left", "right", "superior"] if hemisphere is None else ["lateral", "medial", "superior"]
-    assert [side.name for side in (first, second, above)] == names
 
 
 @pytest.mark.parametrize("hemisphere", ["L", "R", None])
@@ -80,19 +69,7 @@ def test_all_brains_of_a_sheet_and_its_bar_have_one_scale() -> None:
     bar = next(line for line in axis.lines if line.get_linewidth() == 1.5)
     length = bar_length(7.2 * 60 / (widths[3] + margin)) / 60
     assert np.ptp(bar.get_xdata()) / widths[3] == pytest.approx(length, rel=0.02)
-    words = {text.get_text() for text in axis.texts}
-    assert {"22 weeks", "30.5 weeks", "simulated", "real", "lateral", "atlas, 30 weeks"} <= words
-    for row in (extents[:3], extents[3:]):  # nothing overlaps
-        assert all(one[1] < other[0] for one, other in pairwise(row))
-    assert extents[3][3] < extents[0][2]
-
-
-def test_gyri_are_red_and_the_wall_is_no_number() -> None:
-    ball = ball_surface(4, radius=5.0)
-    wall = ball.points[:, 0] > 4
-    brain = brain_of(ball, wall)
-    assert np.array_equal(np.isnan(brain.curvature), wall)
-    assert brain.curvature[~wall] == pytest.approx(0.2, rel=0.1)
+    assert {"22 weeks", "30.5 weeks", "atlas, 30 weeks"} <= {text.get_text() for text in axis.texts}
 
 
 def test_a_frame_has_its_wall_and_a_real_hemisphere_finds_its_own(tmp_path: Path) -> None:
@@ -110,11 +87,6 @@ def test_a_frame_has_its_wall_and_a_real_hemisphere_finds_its_own(tmp_path: Path
     found = np.isnan(real_brain(tmp_path / "right.surf.gii", "R").curvature)
     assert found[cut[:, 0] == -7.0].mean() > 0.9 and cut[found, 0].max() < -6.0
     assert not np.isnan(real_brain(tmp_path / "right.surf.gii", None).curvature).any()
-
-
-@pytest.mark.parametrize(("width", "bar"), [(640.0, 20), (330.0, 10), (60.0, 2), (1.0, 1)])
-def test_a_bar_is_a_round_number_of_millimetres(width: float, bar: int) -> None:
-    assert bar_length(width) == bar
 
 
 def test_a_sheet_without_walls_and_real_brains_says_nothing_of_them_but_what_is_doubtful() -> None:

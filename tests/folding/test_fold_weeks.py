@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from fold_brain import (
     fitted,
-    main,
     of_pair,
     of_surface,
     table_of,
@@ -18,22 +17,9 @@ from shapes import ball_surface
 
 from cortet.folding.fold_figures import healthy_hemispheres, real_brains
 from cortet.folding.growth import AREA, HULL, VOLUME, usual
-from cortet.folding.measurements import COLUMNS
-from cortet.formats.gifti import write_surface
-from cortet.formats.tsv import write_tsv
 from cortet.meshes import TriSurface
 
 SHARED = Path(__file__).parents[3] / "shared/data"
-
-
-def run(folder: Path, area: float) -> Path:
-    """The table of a run from 22 to 30 weeks, all of whose values are 1 but the area, which grows by a tenth."""
-    folder.mkdir()
-    rows = [dict.fromkeys((column.name for column in COLUMNS), 1.0) for _ in range(2)]
-    rows[0] |= {"gestational_age": 22.0, "area_mm2": area}
-    rows[1] |= {"gestational_age": 30.0, "area_mm2": 1.1 * area}
-    write_tsv(rows, list(rows[0]), folder / "fold.tsv")
-    return folder
 
 
 def test_a_pair_of_balls_has_the_cortex_between_them() -> None:
@@ -66,19 +52,6 @@ def test_the_laws_of_the_package_are_those_of_its_table(law: tuple[float, float,
     again = fitted(ages, values, (1.2 * law[0], 0.9 * law[1], law[2] + 1))
     assert usual(again, ages) == pytest.approx(usual(law, ages), rel=1e-2)
     assert np.sqrt(((values / usual(law, ages) - 1) ** 2).mean()) < 0.08
-
-
-def test_it_prints_what_it_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    write_surface(ball_surface(3, radius=20.0), tmp_path / "x.surf.gii")
-    runs = [str(run(tmp_path / name, 5000.0)) for name in "ab"]
-    with pytest.raises(SystemExit) as ended:
-        main([*runs, "--real", f"{tmp_path / 'x.surf.gii'}:26:L"])
-    assert not ended.value.code
-    shown = capsys.readouterr().out
-    assert "| x       | 26 " in shown and "2 runs" in shown
-    with pytest.raises(SystemExit) as ended:
-        main([*runs, "--real", "x.gii:young:L"])
-    assert ended.value.code
 
 
 def test_the_table_of_real_brains_is_what_the_surfaces_say(monkeypatch: pytest.MonkeyPatch) -> None:

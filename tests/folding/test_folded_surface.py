@@ -12,7 +12,6 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.cli import main
 from cortet.errors import InputError
-from cortet.folding.fold import SAME_AGE, fold
 from cortet.folding.fold_figures import draw, mapped
 from cortet.folding.fold_views import COLOURS, Colours, Row
 from cortet.folding.folded_surface import folded_surface, maps_of
@@ -80,15 +79,13 @@ def test_the_stress_is_the_one_that_moves_the_nodes() -> None:
 
 
 def test_a_homogeneous_strain_has_the_same_stress_everywhere() -> None:
-    settings = Settings(gestational_age=22.0, allow_volume=True, end=23.0, thickness=1e-3)
-    run = prepared(ball_mesh(2, radius=10.0), settings)
+    run = prepared(ball_mesh(2, radius=10.0), Settings(gestational_age=22.0, end=23.0, thickness=1e-3))
     moment = beginning(run)
     moment.state.x[:] = moment.state.x @ np.array([[1.1, 0.05, 0.0], [0.0, 0.95, 0.0], [0.0, 0.0, 1.0]])
     measured(run, moment)
     felt = mechanics(run, moment)
     assert felt.stress == pytest.approx(np.tile(felt.stress[0], (len(felt.stress), 1)), abs=1e-12)
-    assert np.ptp(felt.stretch) < 1e-12 and felt.stretch[0] > 1.05
-    assert np.abs(felt.stress[0]).max() > 0.05
+    assert np.ptp(felt.stretch) < 1e-12 and felt.stretch[0] > 1.05 and np.abs(felt.stress[0]).max() > 0.05
 
 
 def test_curvature_and_gyrification_of_a_ball() -> None:
@@ -187,11 +184,3 @@ def test_a_new_fold_deletes_what_an_earlier_one_left_in_its_folder(
     with_map = (tmp_path / "again/folded.png").read_bytes()
     draw(tmp_path / "again", "L")
     assert (tmp_path / "again/folded.png").read_bytes() != with_map
-
-
-def test_a_run_without_surfaces_has_no_stress(tmp_path: Path) -> None:
-    fold(
-        ball_mesh(1, radius=10.0), tmp_path, Settings(gestational_age=22.0, allow_volume=True, end=22.1, thickness=3.0)
-    )
-    assert set(vtu.read(tmp_path / "frames/frame_0001.vtu").cell_data) == {"J", "growth"}
-    assert SAME_AGE < 1e-3

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, ball_surface
 
-from cortet.cli import main
 from cortet.errors import InputError
 from cortet.folding.fold import fold
 from cortet.folding.growth_map import sheared, tangents
@@ -24,10 +23,9 @@ from cortet.folding.surface_growth import (
     smoothed,
     vertex_areas,
 )
-from cortet.formats.gifti import write_surface
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import vertex_normals
-from cortet.meshes import FloatArray, TetMesh, TriSurface
+from cortet.meshes import FloatArray, TetMesh
 from cortet.solver_files.names import growth_field
 
 THIN = Settings(
@@ -41,16 +39,12 @@ THIN = Settings(
 )
 
 
-def stretched(surface: TriSurface, *factors: float) -> TriSurface:
-    return replace(surface, points=surface.points * factors)
-
-
 # --- what was measured
 
 
 def test_stretches_and_directions_of_a_stretched_ball_are_those_put_in() -> None:
     ball = ball_surface(4)
-    tensors = logarithmic_growth(ball, stretched(ball, 1.5, 1.5, 1.2))
+    tensors = logarithmic_growth(ball, replace(ball, points=ball.points * [1.5, 1.5, 1.2]))
     pole, equator = ball.points[:, 2].argmax(), ball.points[:, 0].argmax()
     normals = vertex_normals(ball.points, ball.faces)
     found = principal(tensors, normals)
@@ -67,7 +61,7 @@ def test_the_area_is_that_around_each_vertex() -> None:
 
 def test_smoothing_takes_away_as_much_noise_as_there_is() -> None:
     ball = ball_surface(4)
-    later = stretched(ball, 1.5, 1.5, 1.2)
+    later = replace(ball, points=ball.points * [1.5, 1.5, 1.2])
     true = logarithmic_growth(ball, later)
     noise = np.random.default_rng(0).normal(0, 0.05, later.points.shape)
     noisy = logarithmic_growth(ball, replace(later, points=later.points + noise))
@@ -76,14 +70,9 @@ def test_smoothing_takes_away_as_much_noise_as_there_is() -> None:
     assert kept.width_mm <= less.width_mm
     assert smoothed(noisy, ball, 0.0).tensors == pytest.approx(noisy)
     assert smoothed(noisy, ball, 2.0).width_mm == pytest.approx(2.0, rel=0.1)
-
-
-def test_smoothing_keeps_the_growth_of_a_plane() -> None:
-    """Directions are turned with the surface: what is the same everywhere, seen from it, stays as it is."""
-    ball = ball_surface(3)
-    tensors = logarithmic_growth(ball, stretched(ball, 1.3, 1.3, 1.3))
-    assert smoothed(tensors, ball, 5.0).tensors == pytest.approx(tensors, abs=2e-2)
-    assert area_ratio(smoothed(tensors, ball, 5.0).tensors) == pytest.approx(1.69)
+    even = logarithmic_growth(ball, replace(ball, points=1.3 * ball.points))  # directions turn with the surface
+    assert smoothed(even, ball, 5.0).tensors == pytest.approx(even, abs=2e-2)
+    assert area_ratio(smoothed(even, ball, 5.0).tensors) == pytest.approx(1.69)
 
 
 def test_surfaces_that_do_not_correspond_are_refused() -> None:
@@ -97,12 +86,6 @@ def test_surfaces_that_do_not_correspond_are_refused() -> None:
     for early, late, word in ((1, ball.points / 1000, "in mm"), (1, mixed, "corr"), (1.2, ball.points, "0.69")):
         with pytest.raises(InputError, match=word):
             measured(replace(ball, points=early * ball.points), replace(ball, points=late))
-
-
-def test_an_output_that_is_no_gifti_is_refused(tmp_path: Path) -> None:
-    write_surface(ball_surface(2, radius=25.0), tmp_path / "x.surf.gii")
-    surfaces = [str(tmp_path / "x.surf.gii")] * 2
-    assert main(["growth", *surfaces, "--ages", "28", "30", "-o", str(tmp_path / "map")]) == 2
 
 
 # --- what is imposed
@@ -173,45 +156,30 @@ def test_what_grows_more_along_its_meridians_becomes_longer_from_pole_to_pole() 
     assert along_x == pytest.approx(along_y, rel=2e-3)
 
 
-def test_the_energy_of_a_fold_by_a_map_is_balanced(tmp_path: Path) -> None:
-    mesh = ball_mesh(2, radius=10.0)
-    fold(mapped(mesh, radial(mesh, 1.3), 26.0), tmp_path, THIN.with_keys(end=24.0))
+def test_the_energy_of_a_fold_by_a_map_is_balanced_and_it_ends_where_its_last_map_does(tmp_path: Path) -> None:
+    mesh, said = ball_mesh(2, radius=10.0), list[str]()
+    verdict = fold(mapped(mesh, radial(mesh, 1.1), 23.0), tmp_path, THIN.with_keys(end=24.0), say=said.append)
     assert abs(float(read_tsv(tmp_path / "fold.tsv")["energy_error"].iloc[-1])) < 5e-3
+    assert verdict.gestational_age == pytest.approx(23.0)
+    assert any("warning" in line and "23 weeks" in line for line in said)
+
+
+BALL = ball_mesh(1, radius=10.0)
+NOTHING, ONES = np.zeros((len(BALL.points), 6)), np.ones(len(BALL.points))
 
 
 @pytest.mark.parametrize(
-    ("values", "age", "word"),
+    ("fields", "settings", "word"),
     [
-        (np.zeros((1, 3)), 24.0, "shape"),
-        (np.full((1, 6), np.nan), 24.0, "finite"),
-        (np.full((1, 6), 2.5), 24.0, "sevenfold"),
-        (np.zeros((1, 6)), 21.0, "growth_to_21.* 22 weeks"),
+        ({"growth_to_24": NOTHING[:, :3]}, THIN, "shape"),
+        ({"growth_to_24": NOTHING + np.nan}, THIN, "finite"),
+        ({"growth_to_24": NOTHING + 2.5}, THIN, "sevenfold"),
+        ({"growth_to_21": NOTHING}, THIN, "growth_to_21"),
+        ({"growth_to_24": NOTHING}, THIN.with_keys(model="braingrowth", envelope=None), "braingrowth"),
+        ({"growth_to_24": NOTHING, "growth": ONES}, THIN, "growth"),
+        ({"growth_to_24_area_ratio": ONES}, THIN, "area_ratio"),
     ],
 )
-def test_what_is_no_map_is_refused(values: FloatArray, age: float, word: str, tmp_path: Path) -> None:
-    mesh = ball_mesh(1, radius=10.0)
-    wrong = mapped(mesh, np.repeat(values, len(mesh.points), axis=0), age)
-    for begin in (lambda: prepared(wrong, THIN), lambda: fold(wrong, tmp_path, THIN)):
-        with pytest.raises(InputError, match=word):
-            begin()
-
-
-def test_a_map_beside_another_law_and_metrics_in_its_place_are_refused() -> None:
-    plain, nothing = ball_mesh(1, radius=10.0), np.zeros((len(ball_mesh(1).points), 6))
-    ones = np.ones(len(plain.points))
-    mesh = mapped(plain, nothing)
-    for given, settings, word in (
-        (mesh, THIN.with_keys(model="braingrowth", envelope=None), "growth_to_24.*braingrowth"),
-        (replace(mesh, point_data={**mesh.point_data, "growth": ones}), THIN, "growth"),
-        (replace(plain, point_data={"growth_to_24_area_ratio": ones}), THIN, "growth_to_24_area_ratio.*func.gii"),
-    ):
-        with pytest.raises(InputError, match=word):
-            prepared(given, settings)
-
-
-def test_a_fold_ends_where_its_last_map_does(tmp_path: Path) -> None:
-    mesh = mapped(ball_mesh(1, radius=10.0), np.zeros((len(ball_mesh(1).points), 6)), 22.5)
-    said = list[str]()
-    verdict = fold(mesh, tmp_path, THIN.with_keys(end=24.0), say=said.append)
-    assert verdict.gestational_age == pytest.approx(22.5)
-    assert any("warning" in line and "22.5 weeks" in line for line in said)
+def test_what_is_no_map_is_refused(fields: dict[str, FloatArray], settings: Settings, word: str) -> None:
+    with pytest.raises(InputError, match=word):
+        prepared(replace(BALL, point_data=fields), settings)

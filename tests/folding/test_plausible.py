@@ -9,19 +9,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shapes import ball_mesh
+from shapes import ball_mesh, real_surface
 
 from cortet.errors import InputError
 from cortet.folding.fold import fold
 from cortet.folding.plausible import check_cells, check_mesh, flatness
 from cortet.folding.run import prepared
 from cortet.folding.section import Settings
-from cortet.formats.gifti import read_surface
 from cortet.meshes import TetMesh
 from cortet.phantoms import phantom
 from cortet.stages.generate import generate
 
-SHARED = Path(__file__).parents[3] / "shared/data"
 LEFT, RIGHT = Settings(gestational_age=26.0, hemisphere="L"), Settings(gestational_age=26.0, hemisphere="R")
 
 
@@ -40,9 +38,8 @@ def placed(mesh: TetMesh, *axes: int) -> TetMesh:
     return TetMesh(mesh.points @ matrix.T, cells, mesh.point_data)
 
 
-def test_a_hemisphere_in_its_place_is_not_doubted(left: TetMesh) -> None:
-    assert check_mesh(left, LEFT) == []
-    assert check_mesh(placed(left, -1, 2, 3), RIGHT) == []
+def scaled(mesh: TetMesh, factor: float) -> TetMesh:
+    return replace(mesh, points=factor * mesh.points)
 
 
 def in_two_pieces(mesh: TetMesh) -> TetMesh:
@@ -50,20 +47,36 @@ def in_two_pieces(mesh: TetMesh) -> TetMesh:
     return TetMesh(np.vstack([mesh.points, aside]), np.vstack([mesh.cells, mesh.cells + len(mesh.points)]))
 
 
-def scaled(mesh: TetMesh, factor: float) -> TetMesh:
-    return TetMesh(factor * mesh.points, mesh.cells)
+def with_wall(mesh: TetMesh) -> TetMesh:
+    return replace(mesh, point_data={"medial_wall": (mesh.points[:, 0] > -3).astype(np.int32)})
+
+
+@pytest.mark.parametrize(
+    ("change", "settings"),
+    [
+        (lambda left: left, LEFT),
+        (lambda left: placed(left, -1, 2, 3), RIGHT),
+        (lambda left: scaled(left, 0.6), LEFT.with_keys(allow_volume=True)),
+        (lambda left: left, Settings(gestational_age=26.0)),  # half of a brain, which half is not said
+        (with_wall, RIGHT),  # a mesh that marks its medial wall is believed
+    ],
+)
+def test_a_hemisphere_of_the_age_in_its_place_is_not_doubted(
+    left: TetMesh, change: Callable[[TetMesh], TetMesh], settings: Settings
+) -> None:
+    assert check_mesh(change(left), settings) == []
 
 
 @pytest.mark.parametrize(
     ("change", "settings", "word"),
     [
-        (lambda left: left, RIGHT, r"hemisphere R lies at -x .* \+x .*use --hemi L"),
-        (lambda left: placed(left, -1, -2, 3), LEFT, r"hemisphere L lies at \+x .* -x .*LPS"),
-        (lambda left: placed(left, 2, -1, 3), LEFT, r"-y .*RAS"),
-        (lambda left: placed(left, 3, 2, -1), LEFT, r"-z .*RAS"),
-        (lambda left: scaled(left, 1e-3), LEFT, "metres"),
+        (lambda left: left, RIGHT, "--hemi L"),
+        (lambda left: placed(left, -1, -2, 3), LEFT, "LPS"),
+        (lambda left: placed(left, 2, -1, 3), LEFT, "-y .*RAS"),
+        (lambda left: placed(left, 3, 2, -1), LEFT, "-z .*RAS"),
+        (lambda left: scaled(left, 1e-3), LEFT, " metres"),
         (lambda left: scaled(left, 1e3), LEFT, "micrometres"),
-        (lambda left: scaled(left, 0.6), LEFT, "mL.* 26 weeks"),
+        (lambda left: scaled(left, 0.6), LEFT, " 26 weeks"),
         (in_two_pieces, LEFT.with_keys(allow_volume=True), "2 separate pieces"),
     ],
 )
@@ -72,11 +85,6 @@ def test_what_is_no_hemisphere_of_the_age_in_its_place_is_refused(
 ) -> None:
     with pytest.raises(InputError, match=word):
         check_mesh(change(left), settings)
-
-
-def test_a_volume_may_be_allowed_and_half_of_a_brain_of_unknown_side_is_not_doubted(left: TetMesh) -> None:
-    assert check_mesh(scaled(left, 0.6), LEFT.with_keys(allow_volume=True)) == []
-    assert check_mesh(left, Settings(gestational_age=26.0)) == []
 
 
 def test_what_is_flatter_on_the_other_side_and_lies_beyond_the_midline_is_refused() -> None:
@@ -91,18 +99,10 @@ def test_what_is_flatter_on_the_other_side_and_lies_beyond_the_midline_is_refuse
     assert check_mesh(centred, Settings(gestational_age=28.0, hemisphere="L")) == []
 
 
-def test_a_mesh_that_marks_its_medial_wall_is_believed(left: TetMesh) -> None:
-    marked = replace(left, point_data={"medial_wall": (left.points[:, 0] > -3).astype(np.int32)})
-    assert check_mesh(marked, RIGHT) == []
-
-
-def test_a_ball_has_no_flat_side() -> None:
+def test_of_a_round_body_no_side_is_certain() -> None:
     ball = ball_mesh(3, radius=20.0)
     assert np.ptp(list(flatness(ball).values())) < 0.02
     assert [words for words in check_mesh(ball, LEFT) if "midline" in words] == []
-
-
-def test_of_a_round_body_no_side_is_certain() -> None:
     egg = ball_mesh(2, radius=20.0)
     points = egg.points * [1, 0.95, 0.9]
     points[:, 0] = np.minimum(points[:, 0], 15)
@@ -113,7 +113,7 @@ def test_of_a_round_body_no_side_is_certain() -> None:
 
 def test_cells_as_coarse_as_the_cortex_are_doubted(left: TetMesh) -> None:
     (doubt,) = check_cells(prepared(left, LEFT))
-    assert "the width of the folds will be that of the cells" in doubt
+    assert "cells" in doubt
     assert check_cells(prepared(left, LEFT.with_keys(thickness=8.0))) == []
 
 
@@ -127,14 +127,13 @@ def test_a_fold_says_its_doubts_and_begins_none_that_is_refused(left: TetMesh, t
     assert not (tmp_path / "none").exists()
 
 
-@pytest.mark.skipif(not SHARED.exists(), reason="needs ../shared/data")
 @pytest.mark.parametrize(
     ("name", "hemisphere"),
     [("CRL_STA22_left_white", "L"), ("CRL_STA25_right_white", "R"), ("fetomorph_GW30_right", "R")],
 )
 def test_real_hemispheres_are_in_their_place(name: str, hemisphere: str) -> None:
-    mesh = generate(read_surface(SHARED / f"fetal/{name}.surf.gii"), cell_size=4.0, mesher="lattice")[0]
+    mesh = generate(real_surface(f"fetal/{name}"), cell_size=4.0, mesher="lattice")[0]
     settings = Settings(gestational_age=float("".join(filter(str.isdigit, name))), hemisphere=hemisphere)
     assert check_mesh(mesh, settings) == []
-    with pytest.raises(InputError, match="turn the mesh to RAS"):
+    with pytest.raises(InputError, match="RAS"):
         check_mesh(placed(mesh, 2, -1, 3), settings)

@@ -42,7 +42,7 @@ def legendre(points: FloatArray, degree: int) -> FloatArray:
     return np.polynomial.legendre.legval(height, np.eye(degree + 1)[degree])
 
 
-@pytest.mark.parametrize("degree", [8, 16, 24])
+@pytest.mark.parametrize("degree", [8, 24])
 def test_a_wave_keeps_what_the_filter_lets_through(ball: TetMesh, degree: int) -> None:
     length, nodes = 2.0, boundary_nodes(ball)
     found = np.linalg.norm(without_ripples(rippled(ball, degree), length)[nodes], axis=1) - RADIUS

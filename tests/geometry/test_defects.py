@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import pytest
 from cubes import cube_mesh
 from shapes import ball_surface
 from wrong_meshes import touching
 
 from cortet.geometry.defects import defective_vertices
-from cortet.geometry.topology import boundary_faces, surface_topology
+from cortet.geometry.topology import boundary_faces
 
 
 def test_a_closed_manifold_has_none() -> None:
@@ -20,16 +21,14 @@ def test_the_rim_of_a_hole_is_found() -> None:
     assert defective_vertices(sphere.faces[1:]).tolist() == sorted(sphere.faces[0].tolist())
 
 
-def test_a_common_corner_is_found_though_all_edges_are_manifold() -> None:
-    mesh = touching(cube_mesh(2), 1, 1, 1)
-    assert surface_topology(boundary_faces(mesh)).nonmanifold_edges == 0
-    assert mesh.points[defective_vertices(boundary_faces(mesh))].tolist() == [[1, 1, 1]]
-
-
-def test_a_common_edge_is_found_with_all_its_vertices() -> None:
-    mesh = touching(cube_mesh(2), 1, 1, 0)
-    assert mesh.points[defective_vertices(boundary_faces(mesh))].tolist() == [[1, 1, 0], [1, 1, 0.5], [1, 1, 1]]
-
-
-def test_two_separate_bodies_are_no_defect_of_a_place() -> None:
-    assert len(defective_vertices(boundary_faces(touching(cube_mesh(2), 3, 0, 0)))) == 0
+@pytest.mark.parametrize(
+    ("shift", "found"),
+    [
+        ((1, 1, 1), [[1, 1, 1]]),  # a corner in common, though all edges are manifold
+        ((1, 1, 0), [[1, 1, 0], [1, 1, 0.5], [1, 1, 1]]),
+        ((3, 0, 0), []),
+    ],
+)
+def test_what_two_cubes_have_in_common_is_found(shift, found) -> None:
+    mesh = touching(cube_mesh(2), *shift)
+    assert mesh.points[defective_vertices(boundary_faces(mesh))].tolist() == found

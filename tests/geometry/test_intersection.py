@@ -6,13 +6,11 @@ import itertools
 from collections.abc import Callable
 from dataclasses import replace
 from fractions import Fraction
-from pathlib import Path
 
 import numpy as np
 import pytest
-from shapes import ball_surface, horseshoe
+from shapes import ball_surface, horseshoe, real_surface
 
-from cortet.formats.gifti import read_surface
 from cortet.geometry.intersection import self_intersections
 from cortet.meshes import TriSurface
 
@@ -149,10 +147,9 @@ def test_every_crossing_face_of_a_large_surface_is_found() -> None:
     assert np.array_equal(np.sort(again[shuffled]), found)
 
 
-def test_real_surfaces() -> None:
-    data = Path(__file__).parents[2] / "../shared/data"
-    if not data.exists():
-        pytest.skip("no real surfaces in ../shared/data")
-    assert len(self_intersections(read_surface(data / "defects/macaque_lh.NMT.wm_selfintersecting.surf.gii"))) == 20
-    assert len(self_intersections(read_surface(data / "defects/cow.surf.gii"))) == 82
-    assert not len(self_intersections(read_surface(data / "fetal/CRL_STA34_left_white.surf.gii")))
+@pytest.mark.parametrize(
+    ("name", "crossing"),
+    [("defects/macaque_lh.NMT.wm_selfintersecting", 20), ("defects/cow", 82), ("fetal/CRL_STA34_left_white", 0)],
+)
+def test_real_surfaces(name: str, crossing: int) -> None:
+    assert len(self_intersections(real_surface(name))) == crossing

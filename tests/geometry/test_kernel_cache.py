@@ -12,30 +12,25 @@ from cortet.geometry import kernel_cache
 KERNEL = "import numba\n\n\n@numba.njit(cache=True)\ndef doubled(x):\n    return 2 * x\n"
 
 
-def key_of(package: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    monkeypatch.setattr(kernel_cache, "_PACKAGE", package)
-    kernel_cache.source_key.cache_clear()
-    kernel_cache._imports.cache_clear()
-    return kernel_cache.source_key(package / "kernels.py")
-
-
-@pytest.fixture
-def package(tmp_path: Path) -> Path:
+@pytest.mark.parametrize(
+    ("edited", "other"), [("kernels.py", True), ("room/called.py", True), ("constants.py", True), ("other.py", False)]
+)
+def test_an_edit_of_what_a_kernel_is_made_of_is_another_key(edited, other, tmp_path, monkeypatch):
+    monkeypatch.setattr(kernel_cache, "_PACKAGE", tmp_path)
     (tmp_path / "room").mkdir()
     (tmp_path / "kernels.py").write_text("from cortet.room import called\nfrom numpy import pi\n")
     (tmp_path / "room/called.py").write_text("import cortet.constants\n")
     (tmp_path / "constants.py").write_text("SIZE = 3\n")
     (tmp_path / "other.py").write_text("import cortet.kernels\n")
-    return tmp_path
 
+    def key() -> str:
+        kernel_cache.source_key.cache_clear()
+        kernel_cache._imports.cache_clear()
+        return kernel_cache.source_key(tmp_path / "kernels.py")
 
-@pytest.mark.parametrize(
-    ("edited", "other"), [("kernels.py", True), ("room/called.py", True), ("constants.py", True), ("other.py", False)]
-)
-def test_an_edit_of_what_a_kernel_is_made_of_is_another_key(edited, other, package, monkeypatch):
-    before = key_of(package, monkeypatch)
-    (package / edited).write_text((package / edited).read_text() + "# edited\n")
-    assert (key_of(package, monkeypatch) != before) == other
+    before = key()
+    (tmp_path / edited).write_text((tmp_path / edited).read_text() + "# edited\n")
+    assert (key() != before) == other
 
 
 def test_a_second_clone_compiles_nothing(tmp_path: Path) -> None:
@@ -85,7 +80,7 @@ def test_without_a_place_for_caches_a_temporary_one_is_used_and_said(tmp_path: P
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     own = tmp_path / f"cortet-{os.getuid()}"
     assert done.stdout.split() == [str(own / "cortet/kernels")] * 2 + [str(own)]
-    assert done.stderr.count(f"no place for caches in the home folder: {own} is used") == 1
+    assert done.stderr.count(str(own)) == 1
     assert own.stat().st_mode & 0o777 == 0o700
     own.chmod(0o777)  # somebody else may have put compiled code there
     again = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)

@@ -62,14 +62,6 @@ def test_boundary_of_two_glued_tetrahedra_is_outward_and_leaves_the_shared_face_
     assert nodes.tolist() == [0, 1, 2, 3, 4] and topology.surface_topology(surface.faces).is_closed_manifold
 
 
-def test_packing_agrees_with_and_without_the_two_step_key():
-    rng = np.random.default_rng(0)
-    faces = rng.integers(0, 30, (200, 3))
-    small = np.unique(topology.packed(faces), return_inverse=True)[1]
-    far = np.unique(topology.packed(np.vstack([faces, [[2**22, 2**22 + 1, 2**22 + 2]]])), return_inverse=True)[1][:-1]
-    assert np.array_equal(small, far)
-
-
 def test_incidence_edges_and_compact():
     cells = np.array([[0, 1, 2, 5], [1, 2, 5, 3]], np.int32)
     around = topology.incidence(cells, 6)

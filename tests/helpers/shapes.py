@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import pytest
 import trimesh
 from scipy.spatial import Delaunay
 
+from cortet.formats.gifti import read_surface
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import TetMesh, TriSurface
 
@@ -14,6 +18,20 @@ def ball_surface(subdivisions: int = 3, radius: float = 5.0) -> TriSurface:
     """A sphere about the origin, in mm."""
     sphere = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius)
     return TriSurface(sphere.vertices, sphere.faces)
+
+
+def real_surface(name: str) -> TriSurface:
+    """A surface of a real brain in `../shared/data`; the test is skipped where that is not."""
+    path = Path(__file__).parents[2] / f"../shared/data/{name}.surf.gii"
+    if not path.exists():
+        pytest.skip(f"needs ../shared/data/{name}.surf.gii")
+    return read_surface(path)
+
+
+def torus(major: float, minor: float, **sections: int) -> TriSurface:
+    """A ring about the z axis, its radii in mm."""
+    shape = trimesh.creation.torus(major, minor, **sections)
+    return TriSurface(shape.vertices, shape.faces)
 
 
 def can(sides: int, rings: int = 1, hub: float = 0.0) -> TriSurface:

@@ -52,34 +52,11 @@ def test_a_good_mesh_is_certified_with_every_number_beside_its_limit(mesh: TetMe
     assert (checks["worst_q"].comparison, checks["worst_q"].limit) == ("<", 0.6)
     assert checks["boundary_euler_number"].value == 2
     assert all(check.passed for check in certificate.checks)
-
-
-def test_the_limit_of_q_is_strict(mesh: TetMesh, surface: TriSurface) -> None:
-    q_max = certify(mesh, surface).quality.q.max
+    names = {check.id: check.name for check in certify(mesh, surface, native=surface).checks}
+    assert names.items() <= NAMES.items() and certificate.schema == SCHEMA
+    q_max = certificate.quality.q.max  # the limit of q is strict
     assert failed(certify(mesh, surface, Certify(q_max=q_max))) == {"worst_q"}
     assert certify(mesh, surface, Certify(q_max=np.nextafter(q_max, 1))).certified
-
-
-@pytest.mark.parametrize(
-    ("value", "comparison", "limit", "said"),
-    [
-        (0.0561234, "<=", 0.05, "0.05612, must not exceed 0.05"),
-        (0.60004, "<", 0.6, "0.60004, must be below 0.6"),
-        (0.6, "<", 0.6, "0.6, must be below 0.6"),
-        (0.1 + 0.2, "<=", 0.3, "0.30000000000000004, must not exceed 0.3"),
-        (0.0299999, ">=", 0.03, "0.0299999, must be at least 0.03"),
-        (0.1234568, "<=", 0.12345674, "0.1235, must not exceed 0.123457"),
-        (1234567, "==", 0, "1,234,567, must be 0"),
-        (12345.6, "<=", 12346, "12345.6, must not exceed 12346"),
-        (0.0561234, None, None, "0.05612, no limit"),
-    ],
-)
-def test_a_number_has_few_digits_but_tells_on_which_side_of_its_limit_it_is(
-    value: float, comparison: Comparison | None, limit: float | None, said: str
-) -> None:
-    check = checked("worst_q", value, comparison, limit)
-    assert check.finding == f"worst q {said}"
-    assert of_check(asdict(check))["value"] == said.rpartition(", ")[0]
 
 
 def test_a_missed_limit_comes_with_number_place_reason_and_remedy(surface: TriSurface) -> None:
@@ -89,9 +66,23 @@ def test_a_missed_limit_comes_with_number_place_reason_and_remedy(surface: TriSu
         assert said in reason
 
 
-def in_two_pieces(mesh: TetMesh) -> TetMesh:
-    n = len(mesh.points)
-    return TetMesh(np.concatenate([mesh.points, mesh.points + 20]), np.concatenate([mesh.cells, mesh.cells + n]))
+@pytest.mark.parametrize(
+    ("value", "comparison", "limit", "said"),
+    [
+        (0.0561234, "<=", 0.05, "0.05612, must not exceed 0.05"),
+        (0.60004, "<", 0.6, "0.60004, must be below 0.6"),
+        (0.1 + 0.2, "<=", 0.3, "0.30000000000000004, must not exceed 0.3"),
+        (0.1234568, "<=", 0.12345674, "0.1235, must not exceed 0.123457"),
+        (1234567, "==", 0, "1,234,567, must be 0"),
+        (0.0561234, None, None, "0.05612, no limit"),
+    ],
+)
+def test_a_number_has_few_digits_but_tells_on_which_side_of_its_limit_it_is(
+    value: float, comparison: Comparison | None, limit: float | None, said: str
+) -> None:
+    check = checked("worst_q", value, comparison, limit)
+    assert check.finding == f"worst q {said}"
+    assert of_check(asdict(check))["value"] == said.rpartition(", ")[0]
 
 
 def with_tunnel(mesh: TetMesh) -> TetMesh:
@@ -107,26 +98,22 @@ def with_tunnel(mesh: TetMesh) -> TetMesh:
         (with_swapped_nodes, {"flat_or_inverted_tetrahedra"}),
         (with_listed_twice, {"volume_balance", "repeated_tetrahedra"}),
         (with_unused_node, {"unused_nodes"}),
-        (in_two_pieces, {"boundary_components", "boundary_euler_number"}),
+        (lambda mesh: touching(mesh, 20, 20, 20), {"boundary_components", "boundary_euler_number"}),
+        (lambda mesh: touching(mesh, 8, 8, 0), {"nonmanifold_edges"}),
+        (lambda mesh: touching(mesh, 8, 8, 8), {"pinched_vertices"}),
         (with_tunnel, {"boundary_euler_number"}),
     ],
 )
 def test_each_fault_fails_its_checks(
     mesh: TetMesh, surface: TriSurface, fault: Callable[[TetMesh], TetMesh], checks: set[str]
 ) -> None:
-    found = failed(certify(fault(mesh), surface, ANY_SIZE))
-    assert found >= checks
-    if fault in (with_unused_node, in_two_pieces, with_tunnel):
-        assert found == checks
-
-
-def test_cubes_that_touch_in_an_edge_or_a_corner_are_refused(mesh: TetMesh, surface: TriSurface) -> None:
-    for shift, finding in (((8, 8, 0), "nonmanifold_edges"), ((8, 8, 8), "pinched_vertices")):
-        certificate = certify(touching(mesh, *shift), surface, ANY_SIZE)
-        assert finding in failed(certificate)
+    certificate = certify(fault(mesh), surface, ANY_SIZE)
+    assert failed(certificate) >= checks
+    if fault in (with_unused_node, with_tunnel):
+        assert failed(certificate) == checks
+    if checks & {"nonmanifold_edges", "pinched_vertices"}:
         assert (8.0, 8.0) in {place[:2] for place in certificate.defects_mm}
-        (reason,) = (reason for reason in certificate.reasons if reason.startswith(NAMES[finding]))
-        assert "the first around (8.00, 8.00, " in reason
+        assert "(8.00, 8.00, " in " ".join(certificate.reasons)
 
 
 def test_a_boundary_that_passes_through_itself_is_refused_with_the_place(surface: TriSurface) -> None:
@@ -141,7 +128,6 @@ def test_a_boundary_that_passes_through_itself_is_refused_with_the_place(surface
     towers = TetMesh(points, np.searchsorted(nodes, block.cells[~slit]))
     certificate = certify(towers, surface, ANY_SIZE.model_copy(update={"q_max": 0.9999}))
     assert failed(certificate) == {"crossing_faces"}
-    assert "the first around (" in certificate.reasons[0]
     assert 0 < len(certificate.crossings_mm) <= 10
 
 
@@ -156,13 +142,6 @@ def test_what_s1_found_wrong_cannot_be_hidden_by_later_stages(mesh: TetMesh, sur
     certificate = certify(mesh, surface, reports={"generate": {"topology_ok": False, "reason": "two banks fused"}})
     assert not certificate.certified
     assert "two banks fused" in certificate.reasons[0]
-
-
-def test_numbers_that_are_none_are_an_error(mesh: TetMesh, surface: TriSurface) -> None:
-    points = mesh.points.copy()
-    points[3, 1] = np.nan
-    with pytest.raises(InputError, match="1 of 125 nodes"):
-        certify(TetMesh(points, mesh.cells), surface)
 
 
 @pytest.mark.parametrize(
@@ -196,12 +175,9 @@ def test_the_record_is_plain_json_and_the_same_every_time(mesh: TetMesh, surface
     record = json.loads(records[0])
     assert record["input"]["sha256"] == hashlib.sha256(b"surface").hexdigest()
     assert record["parameters"] == {"clean": {"version": 1}}
-    assert {"cortet", "python", "numpy", "numba", "gmsh"} <= set(record["versions"])
-
-
-def test_an_input_file_that_is_gone_is_an_error_that_names_it(mesh: TetMesh, surface: TriSurface) -> None:
-    with pytest.raises(InputError, match=r"gone.surf.gii: cannot be read"):
+    with pytest.raises(InputError, match="gone.surf.gii"):
         certify(mesh, surface, source="gone.surf.gii")
+    assert {"cortet", "python", "numpy", "numba", "gmsh"} <= set(record["versions"])
 
 
 SLIT = sound(4)
@@ -231,25 +207,21 @@ def test_a_gap_that_the_surface_has_is_no_slit() -> None:
     faces = slits(closed, narrow, 0.03)
     assert len(faces) and np.abs(closed.points[closed.faces[faces]].mean(axis=1)[:, 1]).max() < 0.01  # of both ends
     assert not len(slits(narrow, narrow, 0.03)) and not len(slits(closed, narrow, 0.01))
-
-
-@pytest.mark.parametrize("left", [1e-6, 1e-3])
-def test_a_node_a_hair_from_the_other_bank_is_a_slit(left: float) -> None:
-    narrow = horseshoe(0.3)
-    points = narrow.points.copy()
-    hub = int(np.abs(points - np.array([5 * np.cos(0.03), 5 * np.sin(0.03), 0])).sum(axis=1).argmin())
-    points[hub, 1] = -points[hub, 1] + left  # onto the flat end opposite, but for this
-    spiked = TriSurface(points, narrow.faces)
-    found = banks(spiked, narrow)
-    assert found.gap_mm == pytest.approx(left, rel=0.05) and found.least_share < 0.03
-    assert hub in narrow.faces[slits(spiked, narrow, 0.03)]
+    hub = int(np.abs(narrow.points - np.array([5 * np.cos(0.03), 5 * np.sin(0.03), 0])).sum(axis=1).argmin())
+    for left in (1e-6, 1e-3):  # one node of an end is put onto the other end, but for this
+        points = narrow.points.copy()
+        points[hub, 1] = left - points[hub, 1]
+        spiked = TriSurface(points, narrow.faces)
+        found = banks(spiked, narrow)
+        assert found.gap_mm == pytest.approx(left, rel=0.05) and found.least_share < 0.03
+        assert hub in narrow.faces[slits(spiked, narrow, 0.03)]
 
 
 def test_centres_of_faces_far_from_the_surface_are_refused(mesh: TetMesh, surface: TriSurface) -> None:
     moved = TriSurface(surface.points + np.array([0, 0, 0.5]), surface.faces)
     certificate = certify(mesh, moved, Certify(max_boundary_distance=None, max_surface_distance=None), cell_size=0.6)
     assert "face_centre_distance" in failed(certificate)
-    assert "0.5 mm, must not exceed 0.45 mm" in " ".join(certificate.reasons)
+    assert "0.45 mm" in " ".join(certificate.reasons)
     assert certify(mesh, moved, Certify(max_boundary_distance=None)).certified, "the cell size is not known"
 
 
@@ -261,11 +233,7 @@ def test_the_native_surface_is_compared_both_ways_and_checked(mesh: TetMesh, sur
     assert certificate.native.relative_area_change == pytest.approx(1 / 1.05**2 - 1)
     assert certificate.native.native_to_boundary_mm.max == pytest.approx(0.4 * np.sqrt(3))
     assert certificate.native.boundary_to_native_mm.max == pytest.approx(0.4)
-    assert failed(certificate) == {
-        "native_distance",
-        "mean_native_distance",
-        "native_area_change",
-    }
+    assert failed(certificate) == {"native_distance", "mean_native_distance", "native_area_change"}
     repaired = {"repair": {"repaired": True}}
     assert certify(mesh, surface, Certify(**limits), native=native, cell_size=1.0, reports=repaired).certified
     unlimited = Certify(**dict.fromkeys(limits))
@@ -285,28 +253,17 @@ def test_a_broken_native_surface_is_no_obstacle(mesh: TetMesh, surface: TriSurfa
 @pytest.mark.parametrize("limit", [np.inf, np.nan, 0.0, -1.0])
 def test_a_limit_that_is_none_is_an_error_that_names_it(limit: float) -> None:
     for name in ("q_max", "max_face_distance", "max_boundary_distance"):
-        with pytest.raises(ValidationError, match=rf"{name}\n  Input should be .*input_value={limit}"):
+        with pytest.raises(ValidationError, match=name):
             Certify(**{name: limit})
 
 
-def test_every_check_has_an_identifier_and_says_in_words_what_it_measures(mesh: TetMesh, surface: TriSurface) -> None:
-    certificate = certify(mesh, surface, native=surface, reports={"generate": {"topology_ok": True}})
-    of = {check.id: check.name for check in certificate.checks}
-    assert len(of) == len(certificate.checks) and of.items() <= NAMES.items()
-    assert all(name.startswith(("region_", "interface_")) for name in NAMES.keys() - of.keys())
-    assert certificate.schema == SCHEMA
-
-
-@pytest.mark.parametrize("size", [1e308, 0.0, -1.0, np.nan, np.inf])
-def test_a_cell_size_beyond_its_bounds_checks_nothing(mesh: TetMesh, surface: TriSurface, size: float) -> None:
+@pytest.mark.parametrize("size", [1e308, 0.0, np.nan])
+def test_a_cell_size_beyond_its_bounds_or_of_another_unit_is_refused(
+    mesh: TetMesh, surface: TriSurface, size: float
+) -> None:
     with pytest.raises(InputError, match="0.05 to 20"):
         certify(mesh, surface, cell_size=size)
-
-
-def test_a_mesh_and_a_surface_in_metres_are_refused_where_the_cell_size_is_known(
-    mesh: TetMesh, surface: TriSurface
-) -> None:
     assert certify(mesh, surface, cell_size=2.0).certified
     small = replace(mesh, points=mesh.points / 1000)
-    with pytest.raises(InputError, match="2 mm.*metres"):
+    with pytest.raises(InputError, match="metres"):
         certify(small, boundary_surface(small)[0], cell_size=2.0)

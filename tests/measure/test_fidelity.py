@@ -8,7 +8,7 @@ from cubes import cube_mesh
 from shapes import ball_surface
 
 from cortet.geometry.topology import boundary_surface
-from cortet.measure.fidelity import boundary_roughness, fidelity, summary
+from cortet.measure.fidelity import boundary_roughness, fidelity, high_frequency_roughness, summary
 from cortet.meshes import TetMesh, TriSurface
 
 
@@ -26,7 +26,7 @@ def test_a_mesh_is_faithful_to_its_own_boundary() -> None:
     assert found.roughness == found.surface_roughness
 
 
-def test_a_cube_beside_a_smaller_cube() -> None:
+def test_a_cube_beside_a_smaller_and_a_coarser_cube() -> None:
     mesh = cube_mesh(4, side=10.0)
     outer, _ = boundary_surface(mesh)
     inner = TriSurface((outer.points - 5) * 0.8 + 5, outer.faces)  # 1 mm inside every face
@@ -36,10 +36,6 @@ def test_a_cube_beside_a_smaller_cube() -> None:
     # from inside, the farthest point is 1 mm off; from outside, the corners are sqrt(3) mm off
     assert found.surface_to_boundary_mm.max == pytest.approx(1.0)
     assert found.nodes_to_surface_mm.max == pytest.approx(np.sqrt(3))
-
-
-def test_distance_to_the_nearest_vertex_is_named_apart_from_the_distance_to_the_surface() -> None:
-    mesh = cube_mesh(4, side=10.0)
     coarse, _ = boundary_surface(cube_mesh(1, side=10.0))  # the same cube with its 8 corners only
     found = fidelity(mesh, coarse)
     assert found.nodes_to_surface_mm.max < 1e-12
@@ -53,6 +49,8 @@ def test_face_centres_show_what_a_coarse_boundary_cuts_off() -> None:
     assert found.nodes_to_surface_mm.max < 0.1  # all four nodes lie on the sphere ...
     assert found.face_centres_to_surface_mm.mean == pytest.approx(10 * 2 / 3, rel=0.01)  # ... the faces far inside
     assert found.relative_volume_change < -0.8
+    # a corner of a regular tetrahedron is 4/3 of the circumradius above the mean of the other three
+    assert found.roughness == pytest.approx(4 / 3 * np.sqrt(3) / np.sqrt(8))
 
 
 def test_the_summary_is_mean_percentile_and_maximum() -> None:
@@ -60,16 +58,17 @@ def test_the_summary_is_mean_percentile_and_maximum() -> None:
     assert (found.mean, found.p95, found.max) == (50.0, 95.0, 100.0)
 
 
-def test_roughness_is_relative_to_the_edges_and_rises_with_noise() -> None:
+@pytest.mark.parametrize("measure", [boundary_roughness, high_frequency_roughness])
+def test_roughness_is_relative_to_the_edges_and_rises_with_noise(measure) -> None:
     sphere = ball_surface(subdivisions=4)
-    smooth = boundary_roughness(sphere.points, sphere.faces)
-    assert boundary_roughness(10 * sphere.points, sphere.faces) == pytest.approx(smooth)
+    smooth = measure(sphere.points, sphere.faces)
+    assert measure(10 * sphere.points, sphere.faces) == pytest.approx(smooth)
     noise = np.random.default_rng(0).normal(0, 0.1, sphere.points.shape)
-    assert boundary_roughness(sphere.points + noise, sphere.faces) > 2 * smooth
+    assert measure(sphere.points + noise, sphere.faces) > 2 * smooth
 
 
-def test_roughness_of_a_regular_tetrahedron() -> None:
-    points = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], float)
-    faces = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]], np.int32)
-    # a corner is 4/3 of the circumradius above the mean of the other three
-    assert boundary_roughness(points, faces) == pytest.approx(4 / 3 * np.sqrt(3) / np.sqrt(8))
+def test_roughness_of_high_frequency_tells_noise_from_curvature() -> None:
+    ball = ball_surface(4, 20.0)
+    wavy = ball.points * (1 + 0.05 * np.sin(4 * ball.points[:, :1] / 20))
+    assert high_frequency_roughness(ball.points, ball.faces) < 0.005
+    assert high_frequency_roughness(wavy, ball.faces) < 0.01

@@ -22,12 +22,8 @@ def pulled(surface: TriSurface, direction: np.ndarray, depth: float, width: floa
     return replace(surface, points=surface.points + depth * np.exp(-((away / width) ** 2))[:, None] * direction)
 
 
-def test_a_surface_leaves_nothing_of_itself_behind() -> None:
-    assert distances_to(BALL, BALL).max() < 1e-12
-    assert lost_places(BALL, BALL, limit=1e-6) == []
-
-
 def test_a_filled_pit_and_a_missing_tip_are_told_apart_and_placed() -> None:
+    assert distances_to(BALL, BALL).max() < 1e-12 and lost_places(BALL, BALL, limit=1e-6) == []
     surface = pulled(pulled(BALL, TOP, -4.0), BOTTOM, 3.0)
     pit, tip = lost_places(BALL, surface, limit=1.0)
     assert (pit.kind, tip.kind) == ("filled", "cut off")
@@ -46,16 +42,10 @@ def test_the_certificate_refuses_a_filled_sulcus_though_every_node_is_on_the_sur
     assert len(checked.reasons) == 2, "centres of the faces across the mouth are far from the surface, too"
     (reason,) = (one for one in checked.reasons if one.startswith("distance of the surface"))
     assert "1 mm" in reason and "filled, at (0.00, 0.00, 6.00) mm" in reason
+    unlimited = {check.id: check for check in certify(mesh, surface, limits).checks}["surface_distance"]
+    assert unlimited.limit is None and unlimited.passed and unlimited.value > 3, "no cell size, no limit"
     assert checked.lost_places[0].kind == "filled"
     assert certify(mesh, boundary, limits, cell_size=2.0).certified
-
-
-def test_without_a_cell_size_the_distance_is_reported_without_a_limit() -> None:
-    mesh = ball_mesh(3, radius=10.0)
-    boundary, _ = boundary_surface(mesh)
-    checked = certify(mesh, pulled(boundary, TOP, -4.0), Certify(q_max=0.9999, max_boundary_distance=None))
-    check = next(check for check in checked.checks if check.id == "surface_distance")
-    assert check.limit is None and check.passed and check.value > 3
 
 
 def test_a_shrunken_mesh_is_refused_for_its_area_and_volume() -> None:

@@ -18,7 +18,3 @@ def test_a_fault_is_found(wrong: Wrong, command: str, tmp_path: Path) -> None:
         assert found == [], "a command that sees no surface cannot know it: is it blind no more?"
     else:
         assert found and "Traceback" not in " ".join(found)
-
-
-def test_there_are_many_faults() -> None:
-    assert len(MESHES) >= 20

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shapes import ball_surface
+from shapes import ball_surface, real_surface
 
 from cortet.errors import StageError
-from cortet.formats import gifti
 from cortet.geometry.topology import boundary_faces, enclosed_volume
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshers import baselines
@@ -19,7 +18,6 @@ from cortet.meshes import TriSurface
 from cortet.stages.generate import generate
 
 MODULES = {"tetgen": "tetgen", "ftetwild": "pytetwild", "gmsh": "gmsh", "netgen": "netgen"}
-REAL = Path(__file__).parents[3] / "shared/data/fetal/fetomorph_GW25_left.surf.gii"
 
 
 def installed(mesher: str) -> bool:
@@ -89,10 +87,8 @@ def test_a_mesh_that_overlaps_itself_is_refused(monkeypatch: pytest.MonkeyPatch)
         generate(ball_surface(1), mesher="netgen", cell_size=1.0)
 
 
-@pytest.mark.skipif(not REAL.exists(), reason="no real surfaces in ../shared/data")
 def test_on_a_real_surface_tetgen_is_as_bad_as_published() -> None:
-    mesh, report = generate(gifti.read_surface(REAL), mesher="tetgen", cell_size=1.0)
+    mesh, report = generate(real_surface("fetal/fetomorph_GW25_left"), mesher="tetgen", cell_size=1.0)
     q = quality(mesh.points, mesh.cells)
-    assert q.max() > 0.95
-    assert 0.2 < q.mean() < 0.3
+    assert q.max() > 0.95 and 0.2 < q.mean() < 0.3
     assert report.topology_ok

@@ -1,15 +1,12 @@
 """A body-centred cubic lattice fills what given triangles enclose, and these triangles stay."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
 from scipy.spatial import KDTree
-from shapes import ball_surface
+from shapes import ball_surface, real_surface
 
 from cortet.config.stages import Generate
-from cortet.formats.gifti import read_surface
 from cortet.geometry.closest_point import closer_than, closest_points, surface_tree
 from cortet.geometry.orientation import random_rotation
 from cortet.geometry.topology import boundary_faces, enclosed_volume, surface_topology
@@ -49,6 +46,10 @@ def test_there_are_two_nodes_per_cube_of_the_lattice_and_none_outside_or_near_th
     tree = surface_tree(ball.points, ball.faces)
     assert np.linalg.norm(nodes, axis=1).max() < 10
     assert closest_points(tree, nodes).distances.min() >= lattice.GAP * 0.8
+    everywhere = np.random.default_rng(0).uniform(-12, 12, (500, 3))
+    for distance in (0.1, 2.0):
+        near = closest_points(tree, everywhere).distances < distance
+        assert np.array_equal(closer_than(tree, everywhere, distance), near)
     volume = 4 / 3 * np.pi * (10 - lattice.GAP * 0.8) ** 3
     assert len(nodes) == pytest.approx(2 * volume / (lattice.CONSTANT * 0.8) ** 3, rel=0.01)
 
@@ -58,14 +59,6 @@ def test_lines_through_edges_and_corners_cross_the_boundary_once(monkeypatch):
     monkeypatch.setattr(lattice, "GAP", 1e-3)
     nodes = nodes_in(box(4 * lattice.CONSTANT))
     assert (np.abs(nodes) < 2 * lattice.CONSTANT).all() and len(nodes) == 3**3 + 4**3
-
-
-@pytest.mark.parametrize("distance", [0.1, 0.5, 2.0])
-def test_closer_than_agrees_with_the_distance(distance):
-    ball = ball_surface(2, radius=3.0)
-    tree = surface_tree(ball.points, ball.faces)
-    queries = np.random.default_rng(0).uniform(-4, 4, (500, 3))
-    assert np.array_equal(closer_than(tree, queries, distance), closest_points(tree, queries).distances < distance)
 
 
 def test_the_given_triangles_are_the_boundary():
@@ -88,24 +81,9 @@ def test_near_smaller_triangles_the_lattice_is_finer():
     assert apart[near].max() < 1.0 and np.median(apart[far]) == pytest.approx(lattice.CONSTANT * np.sqrt(3) / 2)
     tree = surface_tree(ball.points, ball.faces)
     assert np.linalg.norm(nodes, axis=1).max() < 8 and closest_points(tree, nodes).distances.min() > 0.2 * lattice.GAP
-
-
-def test_triangles_of_one_size_get_the_lattice_alone():
-    ball = ball_surface(3, radius=4.0)
-    size = np.full(len(ball.points), 1.25)
-    graded = graded_nodes(ball, size, edge_length=1.25, cell_size=1.0, core_ratio=1.0, core_depth=1.0)
-    assert np.array_equal(graded, nodes_in(ball))
-
-
-def test_a_real_cortex_is_remeshed_and_filled():
-    path = Path(__file__).parents[3] / "shared" / "data" / "fetal" / "fetomorph_GW25_left.surf.gii"
-    if not path.exists():
-        pytest.skip("../shared/data/fetal is not here")
-    surface = read_surface(path)
-    boundary = remesh_apart(surface, wanted(surface, 2.5, 0.8))[0].surface
-    points, cells = tetrahedralised(boundary, nodes_in(boundary, cell_size=2.0))
-    made = boundary_faces(TetMesh(points, oriented(points, cells)[0]))
-    assert len(made) == len(boundary.faces) and surface_topology(made).problems() == []
+    alike = np.full(len(ball.points), 1.25)
+    plain = graded_nodes(ball, alike, edge_length=1.25, cell_size=1.0, core_ratio=1.0, core_depth=1.0)
+    assert np.array_equal(plain, nodes_in(ball)), "triangles of one size get the lattice alone"
 
 
 def test_a_seed_turns_the_lattice_and_another_one_otherwise() -> None:
@@ -123,5 +101,13 @@ def test_a_seed_turns_the_lattice_and_another_one_otherwise() -> None:
     assert along_axes(usual) > 10 * max(along_axes(turned), along_axes(other), 1e-3)
     assert len(turned.points) != len(other.points) or not np.allclose(turned.points, other.points)
     assert np.linalg.norm(turned.points, axis=1).max() == pytest.approx(5.0, rel=1e-3)  # where the surface is
-    assert random_rotation(3) @ random_rotation(3).T == pytest.approx(np.eye(3))
-    assert np.linalg.det(random_rotation(3)) == pytest.approx(1)
+    turn = random_rotation(3)
+    assert turn @ turn.T == pytest.approx(np.eye(3)) and np.linalg.det(turn) == pytest.approx(1)
+
+
+def test_a_real_cortex_is_remeshed_and_filled():
+    surface = real_surface("fetal/fetomorph_GW25_left")
+    boundary = remesh_apart(surface, wanted(surface, 2.5, 0.8))[0].surface
+    points, cells = tetrahedralised(boundary, nodes_in(boundary, cell_size=2.0))
+    made = boundary_faces(TetMesh(points, oriented(points, cells)[0]))
+    assert len(made) == len(boundary.faces) and surface_topology(made).problems() == []

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from shapes import horseshoe
 
-from cortet.config.stages import Clean, Generate, Snap
+from cortet.config.stages import Generate, Snap
 from cortet.geometry import topology
 from cortet.geometry.banks import banks as smallest
 from cortet.geometry.limits import LEAST_BANK_GAP
@@ -40,7 +40,16 @@ def mesh(surface: TriSurface) -> TetMesh:
     return result
 
 
+def bank_nodes(mesh: TetMesh) -> IntArray:
+    """Nodes of the two flat ends."""
+    nodes = topology.boundary_nodes(mesh)
+    return nodes[(np.abs(mesh.points[nodes, 1]) <= GAP) & (mesh.points[nodes, 0] > 3.5)]
+
+
 def test_sliding_and_swapping_next_to_a_narrow_gap_keep_the_banks_apart(mesh: TetMesh, surface: TriSurface) -> None:
+    kept = np.arange(0, len(mesh.points), 3, dtype=np.int32)
+    held, report = clean(mesh, surface, held=kept)
+    assert np.array_equal(held.points[kept], mesh.points[kept]) and report.vertices_held >= len(kept)
     cleaned, report = clean(mesh, surface)
     assert report.q_max < report.q_max_before and len(crossing_faces(cleaned)) == 0
     swapped, report = reconnect(cleaned, surface)
@@ -50,11 +59,8 @@ def test_sliding_and_swapping_next_to_a_narrow_gap_keep_the_banks_apart(mesh: Te
 
 def test_vertices_that_cross_are_held_and_the_others_still_move(mesh: TetMesh) -> None:
     """Both banks, and a vertex elsewhere, are pushed by a whole gap's width: only the banks end in each other."""
-    nodes = topology.boundary_nodes(mesh)
-    across = mesh.points[:, 1]
-    banks = nodes[(np.abs(across[nodes]) <= GAP) & (mesh.points[nodes, 0] > 3.5)]
+    nodes, banks = topology.boundary_nodes(mesh), bank_nodes(mesh)
     elsewhere = nodes[np.argmin(mesh.points[nodes, 0])]
-
     numbered = replace(mesh, point_data={"number": np.arange(len(mesh.points))})
 
     def push(start: TetMesh, held: IntArray) -> tuple[TetMesh, str]:
@@ -65,22 +71,22 @@ def test_vertices_that_cross_are_held_and_the_others_still_move(mesh: TetMesh) -
         shift[held] = 0
         return replace(start, points=start.points + shift), f"{len(held)} held"
 
-    assert len(crossing_faces(push(numbered, np.zeros(0, np.int32))[0])) > 0
+    crossed, _ = push(numbered, np.zeros(0, np.int32))
+    assert len(crossing_faces(crossed)) > 0
     result, report, held = without_crossing(numbered, push)
     assert len(crossing_faces(result)) == 0
     assert report == "0 held" and np.isin(held, banks).any() and elsewhere not in held
     assert result.points[elsewhere, 0] == mesh.points[elsewhere, 0] + 0.01
+    undone, _, held = without_crossing(numbered, lambda start, _: push(start, np.zeros(0, np.int32)))
+    assert len(crossing_faces(undone)) == 0 < len(held), "what crosses whatever is held stays undone"
 
 
 def test_banks_that_almost_close_their_gap_are_held_though_nothing_crosses(mesh: TetMesh, surface: TriSurface) -> None:
-    nodes = topology.boundary_nodes(mesh)
-    banks = nodes[(np.abs(mesh.points[nodes, 1]) <= GAP) & (mesh.points[nodes, 0] > 3.5)]
-    numbered = replace(mesh, point_data={"number": np.arange(len(mesh.points))})
+    banks, numbered = bank_nodes(mesh), replace(mesh, point_data={"number": np.arange(len(mesh.points))})
 
     def close(start: TetMesh, held: IntArray) -> tuple[TetMesh, None]:
         points = start.points.copy()
-        moved = np.setdiff1d(np.flatnonzero(np.isin(start.point_data["number"], banks)), held)
-        points[moved, 1] *= 0.002
+        points[np.setdiff1d(np.flatnonzero(np.isin(start.point_data["number"], banks)), held), 1] *= 0.002
         return replace(start, points=points), None
 
     def least_share(of: TetMesh) -> float:
@@ -91,11 +97,6 @@ def test_banks_that_almost_close_their_gap_are_held_though_nothing_crosses(mesh:
     result, _, held = without_crossing(numbered, close, surface, cell_size=1.2)
     assert len(crossing_faces(result)) == 0 and least_share(result) >= LEAST_BANK_GAP and np.isin(held, banks).any()
     assert not flaws_since(closed, surface, 1.2)(closed).met.size  # what is there from the beginning does not count
-
-
-def test_what_crosses_whatever_is_held_stays_undone(mesh: TetMesh) -> None:
-    result, _, held = without_crossing(mesh, lambda start, _: (crossed(start), None))
-    assert len(crossing_faces(crossed(mesh))) > 0 == len(crossing_faces(result)) and len(held) > 0
 
 
 def test_one_vertex_of_a_place_that_is_left_behind_is_held_at_a_time() -> None:
@@ -117,22 +118,6 @@ def test_a_crest_that_vertices_slide_away_from_is_held_by_the_vertex_that_covere
     assert not flaws_since(mesh, surface, cell_size=5.0)(replace(mesh, points=points))
 
 
-def test_vertices_that_the_caller_holds_stay_where_they_are(mesh: TetMesh, surface: TriSurface) -> None:
-    kept = np.arange(0, len(mesh.points), 3, dtype=np.int32)
-    cleaned, report = clean(mesh, surface, held=kept)
-    assert np.array_equal(cleaned.points[kept], mesh.points[kept]) and report.vertices_held >= len(kept)
-    assert not np.array_equal(cleaned.points, mesh.points)
-
-
-def crossed(mesh: TetMesh) -> TetMesh:
-    """Both banks pushed by a whole gap's width, each into the other."""
-    nodes = topology.boundary_nodes(mesh)
-    banks = nodes[(np.abs(mesh.points[nodes, 1]) <= GAP) & (mesh.points[nodes, 0] > 3.5)]
-    points = mesh.points.copy()
-    points[banks, 1] -= GAP * np.sign(points[banks, 1])
-    return replace(mesh, points=points)
-
-
 @pytest.mark.parametrize("stage", [snap_stage, smoothing_stage])
 def test_cleaning_in_between_leaves_what_a_stage_holds(
     stage: ModuleType, mesh: TetMesh, surface: TriSurface, monkeypatch: pytest.MonkeyPatch
@@ -140,14 +125,11 @@ def test_cleaning_in_between_leaves_what_a_stage_holds(
     """A retry that let its cleaning move what crossed would be futile."""
     held_by_stage, held_in_clean = np.array([1, 5, 8], np.int32), []
 
-    def one_call(start: TetMesh, optimise: Any) -> tuple[TetMesh, Any, IntArray]:
-        return *optimise(start, held_by_stage), held_by_stage
-
-    def remember(start: TetMesh, _surface: TriSurface, _settings: Clean, *, held: IntArray) -> tuple[TetMesh, None]:
+    def remember(start: TetMesh, *_: Any, held: IntArray) -> tuple[TetMesh, None]:
         held_in_clean.append(held)
         return start, None
 
-    monkeypatch.setattr(stage, "without_crossing", one_call)
+    monkeypatch.setattr(stage, "without_crossing", lambda start, do: (*do(start, held_by_stage), held_by_stage))
     monkeypatch.setattr(stage, "clean", remember)
     swollen = replace(mesh, points=mesh.points * 1.02)
     if stage is snap_stage:

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shapes import ball_surface
+from shapes import ball_surface, real_surface
 
 from cortet.cli import main
 from cortet.config import Config, load
 from cortet.errors import InputError
 from cortet.formats import vtu
-from cortet.formats.gifti import read_surface, write_surface
+from cortet.formats.gifti import write_surface
 from cortet.geometry.nesting import nested
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.certify import Certificate
@@ -23,7 +23,6 @@ from cortet.measure.fidelity import fidelity
 from cortet.meshes import TetMesh, TriSurface
 from cortet.pipeline import mesh_surface, run, stages
 
-REAL = Path(__file__).parents[3] / "shared" / "data" / "fetal" / "CRL_STA22_left_white.surf.gii"
 FAST = {"generate": {"cell_size": 5.0, "odt": False, "lloyd": False}}
 
 
@@ -69,40 +68,27 @@ def test_the_line_has_the_stages_that_the_configuration_enables() -> None:
     assert stages(snapping, gestational_age=None)[4:] == ["transfer", "reconnect", "snap", "solver_ready"]
 
 
-def test_the_mesh_is_certified_and_faithful(made: tuple[TetMesh, Certificate, list[str]], ball: TriSurface) -> None:
+def test_the_mesh_is_certified_faithful_and_says_how_it_was_made(
+    made: tuple[TetMesh, Certificate, list[str]], ball: TriSurface, file: Path
+) -> None:
     mesh, certificate, seen = made
     assert certificate.certified, certificate.reasons
     assert seen == stages(load(FAST), gestational_age=None)
     assert certificate.quality.q.max < 0.6
     assert fidelity(mesh, ball).nodes_to_surface_mm.max < 1e-3
-
-
-def test_surface_nodes_come_first_and_fields_fit_the_final_positions(
-    made: tuple[TetMesh, Certificate, list[str]],
-) -> None:
-    mesh = made[0]
     nodes = boundary_nodes(mesh)
-    assert nodes.tolist() == list(range(len(nodes)))
-    assert np.abs(mesh.point_data["height"][nodes] - mesh.points[nodes, 2]).max() < 1e-3
-
-
-def test_the_certificate_holds_every_parameter_and_report(
-    made: tuple[TetMesh, Certificate, list[str]], file: Path
-) -> None:
-    _, certificate, seen = made
-    assert list(certificate.reports) == seen
-    assert list(certificate.parameters) == [*seen, "certify"]
+    assert nodes.tolist() == list(range(len(nodes))), "surface nodes come first"
+    assert np.abs(mesh.point_data["height"][nodes] - mesh.points[nodes, 2]).max() < 1e-3, "of the final positions"
+    assert list(certificate.reports) == seen and list(certificate.parameters) == [*seen, "certify"]
     assert certificate.parameters["generate"]["cell_size"] == 5.0
     assert certificate.input == {"file": str(file), "sha256": hashlib.sha256(file.read_bytes()).hexdigest()}
 
 
-def test_without_an_age_the_log_says_that_nothing_is_smoothed(
+def test_a_surface_that_is_not_smoothed_for_want_of_an_age_is_told(
     ball: TriSurface, caplog: pytest.LogCaptureFixture
 ) -> None:
-    next(run(ball, load(FAST)))
-    assert "is not smoothed" not in caplog.text, "the default method needs none"
     next(run(ball, load({**FAST, "smooth_surface": {"method": "published"}})))
-    assert "no gestational age is given, so the surface is not smoothed" in caplog.text
+    assert "not smoothed" in caplog.text
 
 
 def test_the_gate_stops_an_open_surface(ball: TriSurface) -> None:
@@ -138,23 +124,17 @@ def test_inner_surfaces_are_repaired_too(ball: TriSurface) -> None:
         assert list(second.surface.inner) == ["white"]
 
 
-def test_the_command_writes_mesh_certificate_picture_and_page(
-    file: Path, config_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_writes_mesh_certificate_picture_and_page(file: Path, config_file: Path, tmp_path: Path) -> None:
     out, drawn = tmp_path / "out.vtu", tmp_path / "out.png"
     page = tmp_path / "out.html"
     views = ["--picture", str(drawn), "--page", str(page)]
     code = main(["mesh", str(file), "-o", str(out), "--config", str(config_file), *views])
-    shown = capsys.readouterr().out
     assert code == 0
     certificate = json.loads((tmp_path / "out.certificate.json").read_text())
     assert certificate["certified"] is True
     assert len(vtu.read(out).cells) == certificate["quality"]["tets"]
     assert drawn.stat().st_size > 10_000
-    assert "Every number is within its limit." in page.read_text(encoding="utf-8")
-    for stage in stages(load(FAST), gestational_age=None):
-        assert f"\n{stage} " in shown
-    assert "certified\n" in shown
+    assert "<html" in page.read_text(encoding="utf-8")
 
 
 def test_an_uncertified_mesh_is_not_written_and_one_of_an_earlier_run_is_gone(
@@ -171,13 +151,6 @@ def test_an_uncertified_mesh_is_not_written_and_one_of_an_earlier_run_is_gone(
     assert json.loads((tmp_path / "out.certificate.json").read_text())["certified"] is False
 
 
-def test_a_real_surface_of_22_weeks_is_certified() -> None:
-    if not REAL.exists():
-        pytest.skip(f"{REAL} is not there")
-    passes = dict.fromkeys(["odt", "lloyd", "perturb", "exude"], False)  # the later stages mend what these leave out
-    config = load({"generate": {"cell_size": 2.5, **passes}})
-    _, certificate, _ = mesh_surface(read_surface(REAL), config, source=REAL)
-    assert certificate.certified, certificate.reasons
 
 
 def test_the_native_surface_is_compared_in_mm_whatever_the_unit(ball: TriSurface) -> None:
@@ -188,3 +161,10 @@ def test_the_native_surface_is_compared_in_mm_whatever_the_unit(ball: TriSurface
     assert abs(made.certificate.native.relative_area_change) < 0.05
     names = [check.id for check in made.certificate.checks if check.limit is not None]
     assert "mean_native_distance" in names
+
+
+def test_a_real_surface_of_22_weeks_is_certified() -> None:
+    passes = dict.fromkeys(["odt", "lloyd", "perturb", "exude"], False)  # the later stages mend what these leave out
+    config = load({"generate": {"cell_size": 2.5, **passes}})
+    certificate = mesh_surface(real_surface("fetal/CRL_STA22_left_white"), config).certificate
+    assert certificate.certified, certificate.reasons

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
-from pathlib import Path
+from dataclasses import replace
 
 import breakages
 import numpy as np
 import pytest
 import trimesh
-from shapes import ball_surface, can
+from shapes import ball_surface, can, real_surface, torus
 
 from cortet.config.stages import Repair
 from cortet.errors import InputError
-from cortet.formats.gifti import read_surface
 from cortet.geometry import mending
-from cortet.geometry.handles import cut_open, short_loops
-from cortet.geometry.holes import capped, closed_volume, rim_length, rims
+from cortet.geometry.holes import capped, closed_volume, rims
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.nesting import joined
 from cortet.geometry.topology import edges, enclosed_volume, surface_topology
@@ -25,8 +22,6 @@ from cortet.meshes import FILLED, TriSurface, single_precision
 from cortet.phantoms import phantom
 from cortet.stages.gate import gate
 from cortet.stages.repair import RepairReport, repair
-
-DATA = Path(__file__).parents[2] / "../shared/data"
 
 
 def ball() -> TriSurface:
@@ -43,9 +38,7 @@ def crossed(count: int = 30) -> TriSurface:
     return single_precision(replace(surface, points=points))
 
 
-def torus() -> TriSurface:
-    shape = trimesh.creation.torus(20.0, 6.0, major_sections=60, minor_sections=24)
-    return TriSurface(shape.vertices, shape.faces)
+TORUS = torus(20.0, 6.0, major_sections=60, minor_sections=24)
 
 
 def repaired(surface: TriSurface, **limits: float) -> tuple[TriSurface, RepairReport]:
@@ -68,18 +61,14 @@ def test_a_good_surface_passes_with_the_very_same_arrays(surface: TriSurface) ->
     assert report.volume_ml == pytest.approx(enclosed_volume(surface.points, surface.faces) / 1000)
 
 
-def test_the_tip_of_a_cone_is_no_spike() -> None:
+def test_the_tip_of_a_cone_and_the_hub_of_a_fan_are_no_spikes() -> None:
     angle = 2 * np.pi * np.arange(200) / 200
     rim = np.column_stack([25 * np.cos(angle), 25 * np.sin(angle), 0 * angle])
     a, b = np.arange(200), np.roll(np.arange(200), -1)
     sides, floor = (np.column_stack([*pair, np.full(200, tip)]) for pair, tip in (((a, b), 200), ((b, a), 201)))
     cone = TriSurface(np.concatenate([rim, [[0, 0, 60.0], [0, 0, 0]]]), np.concatenate([sides, floor]))
-    assert repair(cone, source="a.stl")[0] is cone
-
-
-def test_the_hub_of_a_flat_fan_is_no_spike() -> None:
-    surface = can(200, rings=30, hub=24.9)
-    assert repair(surface, source="a.stl")[0] is surface
+    for sharp in (cone, can(200, rings=30, hub=24.9)):  # its hub is that of a flat fan
+        assert repair(sharp, source="a.stl")[0] is sharp
 
 
 #: breakage -> beginning of the step that mends it, and farthest that the repaired surface is from the good one, mm
@@ -115,7 +104,7 @@ def test_many_crossing_triangles_are_pulled_apart() -> None:
     broken = crossed()
     crossing = len(self_intersections(broken))
     assert crossing > 100
-    with pytest.raises(InputError, match="up to 0.1% would be repaired"):
+    with pytest.raises(InputError, match="cross"):
         gate(broken, source="x")
     made, report = repaired(broken)
     assert (report.steps[0].count, report.steps[0].of) == (crossing, "faces")
@@ -124,18 +113,6 @@ def test_many_crossing_triangles_are_pulled_apart() -> None:
     places = np.array(report.steps[0].places_mm)
     assert len(places) == 10
     assert np.linalg.norm(places[:, None] - places[None], axis=2)[np.triu_indices(10, 1)].min() > 5
-
-
-def test_banks_of_a_real_sulcus_that_are_joined_or_cross_are_parted() -> None:
-    path = DATA / "fetal/fetomorph_GW33_left.surf.gii"
-    if not path.exists():
-        pytest.skip(f"{path} is not there")
-    good = gate(read_surface(path), source=path)[0]
-    for name, done in (("bridge between banks", "handles cut"), ("50 crossing triangles", "crossing")):
-        made, report = repaired(breakages.BREAKAGES[name](good))
-        assert done in report.steps[-1].done
-        assert distances_to(good, made).max() < 2.5
-        assert report.displacement_max_mm <= 1
 
 
 def test_voxels_that_touch_at_edges_and_corners_are_parted() -> None:
@@ -156,15 +133,6 @@ def test_voxels_that_touch_at_edges_and_corners_are_parted() -> None:
     assert distances_to(stairs, made).max() < 2.5
 
 
-def test_the_same_bits_every_time() -> None:
-    broken = breakages.hole(breakages.handle(ball(), 2.0), 12.0)
-    first, one = repair(broken, source="x")
-    second, other = repair(broken, source="x")
-    assert first.points.tobytes() == second.points.tobytes()
-    assert first.faces.tobytes() == second.faces.tobytes()
-    assert asdict(one) == asdict(other)
-
-
 def test_fields_follow_and_caps_are_labelled() -> None:
     good = ball()
     height, parcel = good.points[:, 2].copy(), (good.points[:, 0] > 0).astype(np.int32)
@@ -181,12 +149,8 @@ def test_fields_follow_and_caps_are_labelled() -> None:
     assert np.array_equal(made.point_data["height"][~cap], made.points[~cap, 2])
     assert made.point_data["height"][cap] == pytest.approx(17, abs=1.5)  # of the nearest point of the rim
     assert set(made.point_data["parcel"]) == {0, 1}
-
-
-def test_a_cut_that_the_repair_made_itself_is_no_cap() -> None:
     made, report = repaired(breakages.unknown(ball()))
-    assert FILLED not in made.point_data
-    assert report.filled_area_mm2 == 0
+    assert FILLED not in made.point_data and report.filled_area_mm2 == 0, "a cut that the repair made itself"
 
 
 def test_a_hole_of_the_file_is_a_cap_beside_a_fin_that_was_cut_off() -> None:
@@ -216,14 +180,10 @@ def one_sided() -> TriSurface:
     return TriSurface(points.reshape(-1, 3), np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]]))
 
 
-def moved(surface: TriSurface, distance: float) -> TriSurface:
-    return replace(surface, points=surface.points + np.array([distance, 0, 0]))
-
-
 def shells() -> TriSurface:
     """A ball with two walls inside."""
-    wall = TriSurface(ball().points / 4, ball().faces[:, ::-1])
-    return joined([ball(), moved(wall, 8), moved(wall, -8)])
+    walls = [TriSurface(ball().points / 4 + np.array([x, 0, 0]), ball().faces[:, ::-1]) for x in (8, -8)]
+    return joined([ball(), *walls])
 
 
 def dumbbell() -> TriSurface:
@@ -239,16 +199,16 @@ def dumbbell() -> TriSurface:
 @pytest.mark.parametrize(
     ("surface", "limits", "words"),
     [
-        (joined([ball(), moved(ball(), 60)]), {}, r"2 separate pieces with 50.0%, 50.0% of the area, around \(.* mm"),
+        (joined([ball(), TriSurface(ball().points + np.array([60, 0, 0]), ball().faces)]), {}, "2 separate pieces"),
         (one_sided(), {}, "no inside"),
-        (breakages.hole(ball(), 30.0), {"max_hole": 50.0}, "a rim of 88.4 mm.*up to 50 mm"),
-        (breakages.hole(ball(), 30.0), {"max_hole": 88.3}, "a rim of 88.4 mm.*up to 88.3 mm"),
-        (shells(), {}, r"2 of 3 separate pieces lie inside the largest.*--inner NAME=FILE"),
-        (dumbbell(), {}, r"\d+ triangles without area; if they were cut out, \d+.\d% of the area would be cut off"),
-        (torus(), {}, r"1 handle, the thinnest with a loop of 3\d mm around \(.*up to 30 mm.*repair.max_loop"),
-        (breakages.handle(ball(), 8.0), {"max_volume_change": 0.001}, "change its volume by -|change the volume by -"),
-        (crossed(), {"max_displacement": 0.001}, "0.001 mm is allowed"),
-        (TriSurface(np.full((3, 3), np.nan), [[0, 1, 2]]), {}, "remove every triangle"),
+        (breakages.hole(ball(), 30.0), {"max_hole": 50.0}, "88.4 mm"),
+        (breakages.hole(ball(), 30.0), {"max_hole": 88.3}, "88.4 mm"),
+        (shells(), {}, "2 of 3 separate pieces"),
+        (dumbbell(), {}, "triangles without area"),
+        (TORUS, {}, "repair.max_loop"),
+        (breakages.handle(ball(), 8.0), {"max_volume_change": 0.001}, "volume"),
+        (crossed(), {"max_displacement": 0.001}, "0.001 mm"),
+        (TriSurface(np.full((3, 3), np.nan), [[0, 1, 2]]), {}, "every triangle"),
         (TriSurface(np.eye(3), [[0, 1, 2]]), {}, "a.gii: "),
     ],
 )
@@ -260,25 +220,12 @@ def test_what_has_no_single_right_answer_is_refused(surface: TriSurface, limits:
 
 
 def test_a_tunnel_is_closed_within_the_limit_and_kept_where_it_is_allowed() -> None:
-    made, report = repaired(torus(), max_loop=45.0, max_volume_change=0.5)
+    made, report = repaired(TORUS, max_loop=45.0, max_volume_change=0.5)
     assert surface_topology(made.faces).genus == 0
     assert "handles cut" in report.steps[0].done
-    kept, report = repair(torus(), source="x", allow_genus=1)
+    kept, report = repair(TORUS, source="x", allow_genus=1)
     assert not report.repaired
     assert surface_topology(kept.faces).genus == 1
-
-
-def test_the_two_loops_of_a_torus() -> None:
-    surface = torus()
-    around, *_ = loops = short_loops(surface.points, surface.faces)
-    assert rim_length(surface.points, around) == pytest.approx(2 * np.pi * 6, rel=0.03)
-    assert len(loops) <= 2
-    faces, copies = cut_open(surface.faces, around, len(surface.points))
-    opened = surface_topology(faces)
-    assert (opened.components, opened.open_edges, opened.euler_number) == (1, 2 * len(around), 0)
-    assert sorted(len(rim) for rim in rims(faces)) == [len(around)] * 2
-    assert np.array_equal(copies, len(surface.points) + np.arange(len(around)))
-    assert short_loops(ball().points, ball().faces) == []
 
 
 def test_a_cap_continues_the_ball() -> None:
@@ -293,29 +240,24 @@ def test_a_cap_continues_the_ball() -> None:
     assert closed_volume(work) < enclosed_volume(full.points, full.faces)
 
 
-def test_of_doubled_faces_one_stays_and_a_wall_between_two_bodies_goes() -> None:
-    faces = np.array([[0, 1, 2], [1, 2, 0], [0, 2, 3], [3, 2, 0], [4, 5, 6], [4, 6, 5], [5, 4, 6]], np.int32)
-    work, gone = mending.without_duplicates(mending.triangles(np.zeros((7, 3)), faces))
-    assert gone.tolist() == [1, 2, 3, 4, 6]
-    assert work.faces.tolist() == [[0, 1, 2], [4, 6, 5]]
-
-
-def test_hemispheres_glued_by_doubled_faces_become_one_brain() -> None:
-    path = DATA / "defects/fetomorph_GW29_asis_nonmanifold.surf.gii"
-    if not path.exists():
-        pytest.skip(f"{path} is not there")
-    made, report = repaired(read_surface(path))
+def test_a_real_brain_glued_by_doubled_faces_becomes_one_ball() -> None:
+    made, report = repaired(real_surface("defects/fetomorph_GW29_asis_nonmanifold"))
     assert report.steps[0].count == 740
     assert report.surface_to_file_mm.max < 1e-5
     assert surface_topology(made.faces).genus == 0
 
 
-@pytest.mark.parametrize(("name", "crossing"), [("pial", 679), ("white", 20)])
-def test_a_real_surface_that_crosses_itself_in_many_places(name: str, crossing: int) -> None:
-    path = DATA / f"pairs/macaque_nmt2sym_lh_{name}.surf.gii"
-    if not path.exists():
-        pytest.skip(f"{path} is not there")
-    _, report = repaired(read_surface(path))
-    assert report.steps[0].count == crossing
+def test_banks_of_a_real_sulcus_that_are_joined_or_cross_are_parted() -> None:
+    good = gate(real_surface("fetal/fetomorph_GW33_left"), source="x")[0]
+    for name, done in (("bridge between banks", "handles cut"), ("50 crossing triangles", "crossing")):
+        made, report = repaired(breakages.BREAKAGES[name](good))
+        assert done in report.steps[-1].done
+        assert distances_to(good, made).max() < 2.5
+        assert report.displacement_max_mm <= 1
+
+
+def test_a_real_surface_that_crosses_itself_in_many_places_is_mended() -> None:
+    _, report = repaired(real_surface("pairs/macaque_nmt2sym_lh_pial"))
+    assert report.steps[0].count == 679
     assert report.displacement_max_mm < 0.8
     assert abs(report.relative_volume_change) < 1e-3

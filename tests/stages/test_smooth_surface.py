@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import pyvista as pv
-from shapes import ball_surface
+from shapes import ball_surface, real_surface
 
 from cortet.config import SETTINGS
 from cortet.config.stages import SmoothSurface
 from cortet.errors import InputError
-from cortet.formats.gifti import read_surface
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import enclosed_volume, face_areas
-from cortet.measure.fidelity import high_frequency_roughness
 from cortet.meshes import TriSurface, single_precision
 from cortet.phantoms import phantom
 from cortet.stages.smooth_surface import candidate_iterations, mean_nearest_vertex_distance, smooth_surface
 
 #: the method and the limits of the setting `published`
 PUBLISHED = SmoothSurface(**SETTINGS["published"]["smooth_surface"])
-DATA = Path(__file__).parents[2] / "../shared/data"
 
 
 def stairs(radius: float = 10.0, voxel: float = 0.5) -> TriSurface:
@@ -47,13 +43,9 @@ def rough_ball() -> TriSurface:
     ("age", "iterations"),
     [
         (21.0, (10, 20, 30)),
-        (22.99, (10, 20, 30)),
         (23.0, (8, 12, 20)),
-        (25.0, (4, 6, 12)),
         (29.0, (2, 4, 10)),
-        (33.0, (0, 2, 8)),
         (34.0, (0, 1, 3)),
-        (45.0, (0, 1, 3)),
     ],
 )
 def test_age_decides_what_is_tried(age: float, iterations: tuple[int, ...]) -> None:
@@ -76,22 +68,13 @@ def test_most_roughness_within_the_limits_is_removed() -> None:
     assert np.array_equal(single_precision(smooth).points, smooth.points)
 
 
-def test_the_limit_of_area_decides_too() -> None:
-    _, report = smooth_surface(
-        rough_ball(), PUBLISHED.model_copy(update={"max_area_change": 0.018}), gestational_age=30.0
-    )
-    assert report.chosen_iterations == 2
-    assert report.candidates[2].breaks == (f"area changes by {report.candidates[2].area_change:+.1%}",)
-
-
-def test_without_an_eligible_candidate_the_surface_stays() -> None:
+@pytest.mark.parametrize(("limit", "chosen"), [({"max_area_change": 0.018}, 2), ({"max_displacement": 1e-6}, 0)])
+def test_the_last_candidate_within_all_limits_is_chosen_or_the_surface_stays(limit, chosen) -> None:
     surface = rough_ball()
-    untouched, report = smooth_surface(
-        surface, PUBLISHED.model_copy(update={"max_displacement": 1e-6}), gestational_age=30.0
-    )
-    assert report.chosen_iterations == 0
-    assert all(c.breaks for c in report.candidates[1:])
-    assert np.array_equal(untouched.points, surface.points)
+    smooth, report = smooth_surface(surface, PUBLISHED.model_copy(update=limit), gestational_age=30.0)
+    assert report.chosen_iterations == chosen
+    assert all(c.breaks for c in report.candidates if c.iterations > chosen)
+    assert np.array_equal(smooth.points, surface.points) == (chosen == 0)
 
 
 def test_a_candidate_that_crosses_itself_is_not_chosen() -> None:
@@ -107,26 +90,6 @@ def test_a_candidate_that_crosses_itself_is_not_chosen() -> None:
     assert int(reason.removesuffix(" triangles cross")) > 100
     assert report.chosen_iterations == 0
     assert np.array_equal(smooth.points, nested.points)
-
-
-def test_the_same_again() -> None:
-    first, first_report = smooth_surface(rough_ball(), PUBLISHED, gestational_age=26.0)
-    second, second_report = smooth_surface(rough_ball(), PUBLISHED, gestational_age=26.0)
-    assert np.array_equal(first.points, second.points)
-    assert first_report == second_report
-
-
-def test_a_real_surface_keeps_within_the_limits() -> None:
-    path = Path(__file__).parents[2] / "../shared/data/fetal/fetomorph_GW30_right.surf.gii"
-    if not path.exists():
-        pytest.skip("no real surfaces in ../shared/data")
-    smooth, report = smooth_surface(read_surface(path), PUBLISHED, gestational_age=30.0)
-    chosen = next(c for c in report.candidates if c.iterations == report.chosen_iterations)
-    assert chosen.iterations in (2, 4, 10)
-    assert abs(chosen.area_change) <= 0.06
-    assert chosen.displacement_mm <= 0.25
-    assert chosen.roughness_mm < report.candidates[0].roughness_mm
-    assert not len(self_intersections(smooth))
 
 
 # --- the filter of Taubin -------------------------------------------------------------------------------------------
@@ -170,9 +133,9 @@ def test_no_more_steps_are_taken_than_the_limit_of_roughness_asks_for() -> None:
 @pytest.mark.parametrize(
     ("limits", "words"),
     [
-        ({"max_area_change": 0.001}, "area changes by -"),
-        ({"max_volume_change": 1e-7}, "volume changes by "),
-        ({"max_displacement": 0.001}, "vertices are displaced by 0."),
+        ({"max_area_change": 0.001}, "area"),
+        ({"max_volume_change": 1e-7}, "volume"),
+        ({"max_displacement": 0.001}, "vertices"),
     ],
 )
 def test_the_limits_hold_and_the_log_says_that_the_surface_stays_rough(
@@ -183,25 +146,11 @@ def test_the_limits_hold_and_the_log_says_that_the_surface_stays_rough(
     smooth, report = smooth_surface(surface, SmoothSurface(**limits))
     assert smooth is surface and report.chosen_iterations == 0
     assert report.candidates[1].breaks[0].startswith(words)
-    assert "the surface stays rough: 0.1" in caplog.text
-
-
-def test_roughness_has_no_unit_and_tells_noise_from_curvature() -> None:
-    ball, rough = ball_surface(4, 20.0), stairs()
-    assert high_frequency_roughness(ball.points, ball.faces) < 0.005
-    small = high_frequency_roughness(rough.points / 7, rough.faces)
-    assert small == pytest.approx(high_frequency_roughness(rough.points, rough.faces))
-    wavy = ball.points * (1 + 0.05 * np.sin(4 * ball.points[:, :1] / 20))
-    assert high_frequency_roughness(wavy, ball.faces) < 0.01
-
-
-def test_taubin_gives_the_same_again() -> None:
-    first, second = smooth_surface(stairs())[0], smooth_surface(stairs())[0]
-    assert np.array_equal(first.points, second.points)
+    assert "stays rough" in caplog.text
 
 
 def test_the_published_method_needs_an_age() -> None:
-    with pytest.raises(InputError, match="needs a gestational age"):
+    with pytest.raises(InputError, match="gestational age"):
         smooth_surface(ball_surface(2), PUBLISHED)
 
 
@@ -215,8 +164,5 @@ def test_folds_that_large_triangles_hardly_follow_are_left_alone(caplog: pytest.
 
 @pytest.mark.parametrize("name", ["fetal/CRL_STA28_left_white", "atlas_series/dHCP.week40.L.white"])
 def test_an_atlas_surface_is_not_touched(name: str) -> None:
-    path = DATA / f"{name}.surf.gii"
-    if not path.exists():
-        pytest.skip("no real surfaces in ../shared/data")
-    surface = read_surface(path)
+    surface = real_surface(name)
     assert smooth_surface(surface, gestational_age=28.0)[0] is surface

@@ -32,7 +32,7 @@ def everywhere(depth: FloatArray) -> FloatArray:
     return np.ones_like(depth)
 
 
-@pytest.mark.parametrize(("along", "across"), [(0.0, 0.0), (0.4, 0.0), (0.4, -0.5), (0.2, 0.7)])
+@pytest.mark.parametrize(("along", "across"), [(0.0, 0.0), (0.4, -0.5)])
 @pytest.mark.parametrize("depth", [0.2, 0.95])
 def test_moduli_are_the_second_derivatives_of_the_energy_that_the_simulation_has(
     along: float, across: float, depth: float
@@ -107,11 +107,5 @@ def test_waves_are_longer_and_come_earlier_where_the_layer_is_stiffer() -> None:
     assert [one.set_by_layer for one in found] == [True, True, True]
     assert np.all(np.diff([one.wavelength for one in found]) > 0)
     assert np.all(np.diff([one.growth for one in found]) < 0)
-
-
-def test_a_layer_softer_than_its_base_creases_before_it_folds() -> None:
-    assert not layer(0.2).set_by_layer
-
-
-def test_nothing_folds_that_has_not_grown() -> None:
-    assert is_stable(0.0, 1.0, 1.0, Material(), smooth_profile)
+    assert not layer(0.2).set_by_layer, "a layer softer than its base creases before it folds"
+    assert is_stable(0.0, 1.0, 1.0, Material(), smooth_profile), "nothing folds that has not grown"

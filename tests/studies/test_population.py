@@ -60,16 +60,14 @@ def test_variants_are_compared_within_cases() -> None:
         (["case2"], "same"),
         (["variant", "group"], "variant"),
         (["group", "copy"], "too few"),
-        (["word"], "too few"),
         (["NA"], "s3.* NA"),
-        (["dash"], "s3.* dash"),
         (["unknown"], "unknown.*40 g"),
         (["endless"], "endless.*inf"),
     ],
 )
 def test_a_model_that_cannot_be_fitted_is_refused(model: list[str], word: str) -> None:
-    given = [{**row, "case2": "same", "copy": row["group"], "word": row["case"]} for row in rows()]
-    for name, odd in (("NA", "NA"), ("dash", "-"), ("unknown", "40 g"), ("endless", "inf")):
+    given = [{**row, "case2": "same", "copy": row["group"]} for row in rows()]
+    for name, odd in (("NA", "NA"), ("unknown", "40 g"), ("endless", "inf")):
         given = [{**row, name: odd if row["case"] == "s3" else str(place)} for place, row in enumerate(given)]
     with pytest.raises(InputError, match=word):
         design_of(given, model)
@@ -94,8 +92,6 @@ def test_an_effect_is_found_where_it_is_and_others_are_held() -> None:
     _, p = found["group[b]"]
     assert (p[:10] < ALPHA).all() and not (p[10:] < ALPHA).any()
     assert np.isnan(p[[50, 51]]).all()
-    again = effects(values, design_of(given, ["group", "scan_age"]), permutations=PERMUTATIONS, seed=0)
-    assert np.array_equal(again["group[b]"][1], p, equal_nan=True)
 
 
 def test_false_positives_come_at_their_rate() -> None:
