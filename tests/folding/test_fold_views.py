@@ -12,7 +12,6 @@ from cortet.folding.fold_views import (
     Brain,
     Row,
     bar_length,
-    brain_of,
     centre,
     extent,
     real_brain,
@@ -87,12 +86,3 @@ def test_a_frame_has_its_wall_and_a_real_hemisphere_finds_its_own(tmp_path: Path
     found = np.isnan(real_brain(tmp_path / "right.surf.gii", "R").curvature)
     assert found[cut[:, 0] == -7.0].mean() > 0.9 and cut[found, 0].max() < -6.0
     assert not np.isnan(real_brain(tmp_path / "right.surf.gii", None).curvature).any()
-
-
-def test_a_sheet_without_walls_and_real_brains_says_nothing_of_them_but_what_is_doubtful() -> None:
-    ball = ball_surface(3)
-    brain = brain_of(ball, np.zeros(len(ball.points), bool))
-    figure = sheet([Row(22.0, brain)], None, doubts=["the cells are 2 mm"])
-    words = [text.get_text() for text in figure.axes[0].texts]
-    assert "real" not in words and "left" in words and not figure.legends
-    assert any("the cells are 2 mm" in word for word in words)

@@ -12,11 +12,9 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.cli import main
 from cortet.errors import InputError
-from cortet.folding.fold_figures import draw, mapped
-from cortet.folding.fold_views import COLOURS, Colours, Row
+from cortet.folding.fold_figures import draw
 from cortet.folding.folded_surface import folded_surface, maps_of
 from cortet.folding.growth import time_of
-from cortet.folding.journal import series
 from cortet.folding.kernels import elastic_forces, nodal_forces
 from cortet.folding.measurements import gaussian_curvature, local_gyrification
 from cortet.folding.measures import MEASURES, surface_files, weeks_in
@@ -121,25 +119,6 @@ def test_every_measure_has_a_file(folder: Path) -> None:
     assert np.linalg.norm(values(folder, "cortex_direction"), axis=1) == pytest.approx(1, abs=1e-5)
     assert values(folder, "cortex_pressure").mean() > values(folder, "white_pressure").mean() > 0
     assert values(folder, "area_growth").mean() > 1.01
-
-
-def test_the_picture_shows_a_map_and_its_medial_wall_in_grey(folder: Path) -> None:
-    def shown(name: str) -> tuple[list[Row], Colours]:
-        named = {week: surface_files(folder / "folded", "x", week) for week in (START, END)}
-        files = {week: (some["surface"], some[name]) for week, some in named.items()}
-        return mapped(series(folder / "folded/fold.pvd"), files, name)
-
-    rows, colours = shown("cortex_pressure")
-    assert [row.age for row in rows] == [START, END] and not any(row.real for row in rows)
-    found, right = rows[1].simulated.curvature, ball_surface(3, RADIUS).points[:, 0]
-    wall = np.isnan(found)
-    assert 0 < wall.mean() < 0.3 and right[wall].min() > right[~wall].mean()
-    assert np.array_equal(found[~wall], values(folder, "cortex_pressure")[~wall])
-    assert colours.label == "cortex pressure" and colours.span[1] == pytest.approx(np.nanpercentile(found, 98), rel=0.5)
-    bent = shown("gaussian_curvature")[1]
-    assert bent.label == "gaussian curvature (1/mm2)"
-    middle = {"viridis": bent.span[0] >= 0, COLOURS: sum(bent.span) == 0}
-    assert middle[bent.name]
 
 
 def test_a_fold_of_another_mesh_is_refused(folder: Path) -> None:

@@ -75,12 +75,6 @@ def test_each_flaw_has_its_name_its_count_and_its_place() -> None:
     assert counts(with_node_through_a_face(mesh)).keys() == {FOLDED}
 
 
-def test_a_face_in_five_tetrahedra_counts_once() -> None:
-    fan = np.array([[0, 1, 2, node] for node in range(3, 8)], np.int32)
-    points = np.vstack([np.eye(3), np.random.default_rng(0).uniform(1, 2, (5, 3))])
-    assert counts(TetMesh(points, fan))[OVERFULL] == 1
-
-
 def test_what_is_no_body_is_refused_with_the_file_and_the_place() -> None:
     require_body(CUBE.mesh)
     with pytest.raises(InputError, match="x.vtu: .* twice"):

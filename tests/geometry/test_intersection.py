@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
-from shapes import ball_surface, horseshoe, real_surface
+from shapes import horseshoe, real_surface
 
 from cortet.geometry.intersection import self_intersections
 from cortet.meshes import TriSurface
@@ -130,21 +129,6 @@ def test_a_fold_onto_the_neighbour_is_seen_and_a_sharp_one_is_not_a_crossing() -
     assert self_intersections(hinge(0.4, 0.7, 0)).tolist() == [0, 1]
     assert not len(self_intersections(hinge(0.4, 0.7, 1e-6)))
     assert not len(self_intersections(hinge(0.4, -0.7, 0)))
-
-
-def test_every_crossing_face_of_a_large_surface_is_found() -> None:
-    ball = ball_surface(4, 10.0)
-    both = TriSurface(
-        np.concatenate([ball.points, ball.points + np.array([12.0, 0.3, 0.1])]),
-        np.concatenate([ball.faces, ball.faces + 2562]),
-    )
-    found = self_intersections(both)
-    centre = both.points[both.faces[found]].mean(axis=1)
-    assert len(found) > 100
-    assert np.abs(centre @ [12, 0.3, 0.1] / np.linalg.norm([12, 0.3, 0.1]) - 6).max() < 0.7
-    again = np.random.default_rng(0).permutation(len(both.faces))
-    shuffled = self_intersections(replace(both, faces=both.faces[again]))
-    assert np.array_equal(np.sort(again[shuffled]), found)
 
 
 @pytest.mark.parametrize(

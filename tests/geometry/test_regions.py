@@ -18,7 +18,7 @@ from cortet.folding.fold import fold
 from cortet.folding.section import Settings
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.intersection import self_intersections
-from cortet.geometry.nesting import depths, joined, nested, parents, region_boundary, sheets
+from cortet.geometry.nesting import depths, joined, nested, parents, region_boundary
 from cortet.geometry.separation import taken_back
 from cortet.geometry.topology import enclosed_volume, interfaces, sheet, surface_topology
 from cortet.measure.certify import certify
@@ -171,15 +171,6 @@ def test_what_was_pushed_into_the_surface_itself_goes_back_and_the_rest_stays():
     shift = np.linalg.norm(moved.points - white.points, axis=1)
     assert shift[top] < 1.3 and (shift < 0.09).any()
     assert (np.abs(shift[white.points[:, 2] < 5] - 0.1) < 1e-5).all()
-
-
-def test_a_surface_may_lie_outside_one_that_has_moved():
-    """White gives way to the pial surface by 3 mm, and the ventricle within it, which was inside, follows."""
-    inner = {"white": ball(13.8), "ventricle": ball(11.6)}
-    surface, report = separate(nested(ball(14.0), inner), cell_size=6.0)
-    assert report.surfaces[1].outside_max_mm > 0.5
-    radii = [np.linalg.norm(one.points, axis=1) for one in surface.inner.values()]
-    assert radii[1].max() < radii[0].min() - 2.5 and not len(self_intersections(joined(sheets(surface))))
 
 
 #: outer and inner surface that do not belong together, and a word of why

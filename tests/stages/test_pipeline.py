@@ -104,9 +104,8 @@ def test_a_surface_with_a_sphere_is_put_onto_the_common_mesh_first(ball: TriSurf
     config = load({**FAST, "resample": {"subdivisions": 5}})
     line = run(nested(ball, {"white": inside}), config, sphere=ball, sphere_source="ball.sphere.gii")
     first, second = next(line), next(line)
-    assert (first.stage, second.stage) == ("resample", "repair")
-    assert first.parameters == {"subdivisions": 5, "template": None, "sphere_file": "ball.sphere.gii", "version": 2}
-    assert first.report["inner"]["white"]["resampled"]
+    assert (first.stage, second.stage) == ("resample", "repair") and first.report["inner"]["white"]["resampled"]
+    assert first.parameters["sphere_file"] == "ball.sphere.gii" and first.parameters["subdivisions"] == 5
     assert len(second.surface.points) == len(second.surface.inner["white"].points) == 10242
     assert np.abs(second.surface.point_data["height"] - second.surface.points[:, 2]).max() < 0.2
     off = load({**FAST, "resample": {"enabled": False}})

@@ -19,7 +19,6 @@ from cortet.errors import InputError
 from cortet.formats.gifti import read_fields, read_surface, write_surface
 from cortet.geometry.icosphere import icosphere
 from cortet.meshes import FloatArray, TriSurface
-from cortet.phantoms import phantom, phantom_with_sphere
 from cortet.stages import STAGES, arguments_of
 from cortet.stages.resample import resample
 
@@ -73,16 +72,6 @@ def test_its_own_sphere_gives_the_surface_back() -> None:
     assert made.point_data["x"] == pytest.approx(given.point_data["x"], abs=1e-12)
     assert report.native_to_resampled_mm.max < 1e-5
     assert report.relative_area_change == pytest.approx(0, abs=1e-6) == report.relative_volume_change
-
-
-def test_phantoms_of_other_triangles_have_the_same_vertices_in_the_same_places() -> None:
-    first, second = (resample(*phantom_with_sphere(28.0, subdivisions=n), Resample(subdivisions=4))[0] for n in (4, 5))
-    assert (first.faces == second.faces).all()
-    apart = np.linalg.norm(first.points - second.points, axis=1)
-    assert apart.mean() < 0.06 and np.percentile(apart, 99) < 0.3, "mm; each is rounded off as far as its edges allow"
-    left, right = (resample(*phantom_with_sphere(28.0, hemisphere=side), Resample(subdivisions=4))[0] for side in "LR")
-    assert left.points[:, 0].max() < 0 < right.points[:, 0].min()
-    assert (phantom_with_sphere(28.0, subdivisions=3)[0].points == phantom(28.0, subdivisions=3).points).all()
 
 
 def test_a_template_takes_the_place_of_the_icosphere(tmp_path: Path) -> None:

@@ -122,14 +122,6 @@ def test_a_smooth_surface_is_not_touched_at_any_age() -> None:
         assert smooth is ball and report.chosen_iterations == 0 and len(report.candidates) == 1
 
 
-def test_no_more_steps_are_taken_than_the_limit_of_roughness_asks_for() -> None:
-    steps = [
-        smooth_surface(stairs(), SmoothSurface(max_roughness=limit))[1].chosen_iterations
-        for limit in (0.2, 0.07, 0.03, 0.015)
-    ]
-    assert steps == sorted(steps) and steps[0] == 0 and len(set(steps)) >= 3
-
-
 @pytest.mark.parametrize(
     ("limits", "words"),
     [

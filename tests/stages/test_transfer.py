@@ -35,7 +35,8 @@ def mesh(ball) -> TetMesh:
     )[0]
 
 
-def test_a_linear_field_is_exact_on_the_surface(ball, mesh):
+def test_a_linear_field_is_exact_on_the_surface_and_everywhere_with_harmonic_interpolation(ball, mesh):
+    """It is linear on each triangle and harmonic inside."""
     carried, report = transfer(mesh, ball)
     nodes = boundary_nodes(mesh)
     x, y, z = mesh.points[nodes].T
@@ -43,6 +44,10 @@ def test_a_linear_field_is_exact_on_the_surface(ball, mesh):
     assert np.allclose(carried.point_data["vector"][nodes], mesh.points[nodes], atol=1e-6)
     assert report.max_distance_mm < 1e-6  # as near as CGAL puts nodes
     assert report.nodes_further_than_1mm == 0
+    carried, report = transfer(mesh, ball, Transfer(interior="harmonic"))
+    x, y, z = mesh.points.T
+    assert np.allclose(carried.point_data["linear"], 2 * x - y + 3 * z + 1, atol=1e-5)
+    assert report.interior == "harmonic" and report.nodes_cut_off == 0
 
 
 @pytest.mark.parametrize("interior", ["nearest", "harmonic"])
@@ -83,18 +88,6 @@ def test_a_surface_elsewhere_is_warned_about(ball, mesh, caplog):
         _, report = transfer(TetMesh(mesh.points + np.array([3, 0, 0]), mesh.cells), ball)
     assert "belong together" in caplog.text
     assert report.nodes_further_than_1mm > 0 and report.max_distance_mm == pytest.approx(3, abs=0.05)
-
-
-def test_the_issues_linear_field_is_exact_everywhere_with_harmonic_interpolation(ball, mesh):
-    """x + 2y - 3z is linear on each triangle and harmonic inside."""
-
-    def linear(points: np.ndarray) -> np.ndarray:
-        return points @ [1, 2, -3]
-
-    surface = TriSurface(ball.points, ball.faces, {"linear": linear(ball.points)})
-    carried, report = transfer(mesh, surface, Transfer(interior="harmonic"))
-    assert np.allclose(carried.point_data["linear"], linear(mesh.points), atol=1e-5)  # as near as CGAL puts nodes
-    assert report.interior == "harmonic" and report.nodes_cut_off == 0
 
 
 def test_a_harmonic_field_has_the_same_bits_on_any_number_of_threads():
