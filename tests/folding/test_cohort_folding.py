@@ -32,7 +32,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     return found
 
 
-def test_every_run_is_a_row_and_what_went_wrong_comes_first(runs: list[dict[str, Any]], tmp_path: Path) -> None:
+def test_every_run_is_a_row_and_what_went_wrong_comes_first(runs, tmp_path):
     failed = {**runs[0], "case": "sub-b_hemi-L", "reason": "fold: killed"}
     del failed["folder"]
     files = ("folds.tsv", "folds.json", "folds.svg", "folds.png")
@@ -49,7 +49,7 @@ def test_every_run_is_a_row_and_what_went_wrong_comes_first(runs: list[dict[str,
     assert (tmp_path / "folds.png").stat().st_size > 10_000
 
 
-def test_the_figure_has_a_curve_per_run_over_real_brains_of_its_kind(runs: list[dict[str, Any]]) -> None:
+def test_the_figure_has_a_curve_per_run_over_real_brains_of_its_kind(runs):
     figure = cohort_folding_figure(runs)
     for axis in figure.axes:
         named = [line for line in axis.lines if not str(line.get_label()).startswith("_")]
@@ -65,7 +65,7 @@ def test_the_figure_has_a_curve_per_run_over_real_brains_of_its_kind(runs: list[
     "variant",
     [{"thicknes": 1.0}, {"thickness": -1.0}, {}, {"cases": "all"}, {"real_surfaces": {}}, {"picture": "depth"}],
 )
-def test_a_variant_changes_keys_of_fold_that_there_are(variant: dict[str, Any]) -> None:
+def test_a_variant_changes_keys_of_fold_that_there_are(variant):
     config = load({"fold": {"variants": {"thin": {"thickness": 1.0}}}})
     assert config.fold.variants["thin"] == {"thickness": 1.0} and "variants" not in config.fold.values()
     with pytest.raises((InputError, ValidationError), match="fold"):

@@ -7,7 +7,6 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import meshio
 import numpy as np
@@ -17,7 +16,6 @@ from cubes import cube_mesh
 from shapes import ball_mesh, real_surface
 
 from cortet.config import load
-from cortet.config.fold import Model
 from cortet.errors import InputError
 from cortet.folding import fold as fold_module
 from cortet.folding.body import THICKNESS, growth_mask, scale_of
@@ -72,14 +70,14 @@ def finished(ball: TetMesh, tmp_path_factory: pytest.TempPathFactory) -> tuple[P
     return folder, fold(ball, folder, QUICK)
 
 
-def test_time_and_age() -> None:
+def test_time_and_age():
     assert time_of(22.0) == pytest.approx(0, abs=1e-3)
     assert time_of(44.0) == pytest.approx(1, abs=0.01)
     for age in (20.0, 22.0, 28.3, 40.0):
         assert age_of(time_of(age)) == pytest.approx(age)
 
 
-def test_growth_is_relative_to_the_start() -> None:
+def test_growth_is_relative_to_the_start():
     law = Linear(1.829)
     assert growth_since(law, 0.0, 0.5) == pytest.approx(0.9145)
     assert growth_since(law, 0.5, 0.5) == 0
@@ -90,7 +88,7 @@ def test_growth_is_relative_to_the_start() -> None:
     assert region(5.0) == pytest.approx(2)
 
 
-def test_the_ball_grows_without_inversion(finished: tuple[Path, Verdict]) -> None:
+def test_the_ball_grows_without_inversion(finished):
     folder, verdict = finished
     rows = table(folder)
     assert verdict.outcome == "folded"
@@ -103,14 +101,14 @@ def test_the_ball_grows_without_inversion(finished: tuple[Path, Verdict]) -> Non
     assert list(explained) == names(COLUMNS) == list(rows) == list(Measurements.__dataclass_fields__)
 
 
-def test_the_energies_balance(ball: TetMesh, tmp_path: Path) -> None:
+def test_the_energies_balance(ball, tmp_path):
     fold(ball, tmp_path, QUICK.with_keys(time_step=3e-4))  # the longest that is stable is a fifth of the first row
     rows = table(tmp_path)
     assert np.all(np.diff(rows["growth_work"]) > 0) and np.all(np.diff(rows["dissipated_energy"]) > 0)
     assert rows["energy_error"].abs().max() < 1e-2
 
 
-def test_the_time_step_follows_the_body(ball: TetMesh) -> None:
+def test_the_time_step_follows_the_body(ball):
     run = prepared(ball, QUICK)
     run = run._replace(material=run.material._replace(density=1e-4))  # stability limits the step of its large cells
     moment = beginning(run)
@@ -122,7 +120,7 @@ def test_the_time_step_follows_the_body(ball: TetMesh) -> None:
     assert time_step_of(bound, beginning(run)) == 0.5 * free
 
 
-def test_frames_are_meshes_in_the_users_numbering(ball: TetMesh, finished: tuple[Path, Verdict]) -> None:
+def test_frames_are_meshes_in_the_users_numbering(ball, finished):
     folder, _ = finished
     frames = sorted((folder / "frames").glob("*.vtu"))
     assert len(frames) == 4  # 22, 22.2, 22.4 weeks and the end
@@ -140,9 +138,7 @@ def test_frames_are_meshes_in_the_users_numbering(ball: TetMesh, finished: tuple
 
 
 @pytest.mark.parametrize("settings", [QUICK, QUICK.with_keys(core_relaxation=0.5)], ids=["elastic", "yielding"])
-def test_a_killed_run_resumes_and_ends_with_the_same_bits(
-    settings: Settings, ball: TetMesh, finished: tuple[Path, Verdict], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_killed_run_resumes_and_ends_with_the_same_bits(settings, ball, finished, tmp_path, monkeypatch):
     whole = finished[0]
     if settings is not QUICK:
         fold(ball, whole := tmp_path / "whole", settings)
@@ -163,7 +159,7 @@ def test_a_killed_run_resumes_and_ends_with_the_same_bits(
     assert contents(tmp_path / "run") == contents(whole)
 
 
-def test_what_a_killed_process_was_writing_is_deleted_by_the_next(ball: TetMesh, tmp_path: Path) -> None:
+def test_what_a_killed_process_was_writing_is_deleted_by_the_next(ball, tmp_path):
     for path in (tmp_path / "checkpoint.npz", tmp_path / "frames/frame_0001.vtu"):
         path.parent.mkdir(exist_ok=True)
         write = "from pathlib import Path; import os, sys; from cortet.formats.atomic import atomic_path\n"
@@ -178,9 +174,7 @@ def test_what_a_killed_process_was_writing_is_deleted_by_the_next(ball: TetMesh,
     assert sorted(tmp_path.rglob(".*")) == sorted(others)
 
 
-def test_a_checkpoint_of_another_run_is_not_used(
-    ball: TetMesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_checkpoint_of_another_run_is_not_used(ball, tmp_path, monkeypatch):
     monkeypatch.setattr(fold_module, "_CHECKPOINT_SECONDS", 0.0)
 
     def killed(measurements: Measurements, part: float, seconds: float) -> None:
@@ -196,7 +190,7 @@ def test_a_checkpoint_of_another_run_is_not_used(
     assert len(list((tmp_path / "frames").iterdir())) == 2  # nothing is left of the first
 
 
-def test_it_ends_at_the_first_inverted_element_and_names_it(ball: TetMesh, tmp_path: Path) -> None:
+def test_it_ends_at_the_first_inverted_element_and_names_it(ball, tmp_path):
     wild = QUICK.with_keys(end=40.0, model="braingrowth", growth_rate=1000.0, record_interval=0.5)
     verdict = fold(ball, tmp_path, wild)
     assert verdict.outcome == "inverted"
@@ -208,7 +202,7 @@ def test_it_ends_at_the_first_inverted_element_and_names_it(ball: TetMesh, tmp_p
     assert json.loads((tmp_path / "verdict.json").read_text())["outcome"] == "inverted"
 
 
-def test_no_cortex_grows_around_the_callosum_of_a_whole_brain(ball: TetMesh) -> None:
+def test_no_cortex_grows_around_the_callosum_of_a_whole_brain(ball):
     flat = TetMesh((ball.points - [1, 2, 3]) * [1, 1, 0.4], ball.cells)
     mask = growth_mask(flat, scale_of(flat, None))
     values = np.linspace(-1e-7, 1 + 1e-7, len(flat.points)).astype(np.float32)
@@ -220,7 +214,7 @@ def test_no_cortex_grows_around_the_callosum_of_a_whole_brain(ball: TetMesh) -> 
     assert (mask[surface][distance > 6.1] == 1).all()
 
 
-def test_caps_on_holes_of_the_file_do_not_grow(ball: TetMesh) -> None:
+def test_caps_on_holes_of_the_file_do_not_grow(ball):
     scale, top = scale_of(ball, None), ball.points[:, 2] > 0.9 * ball.points[:, 2].max()
     wall = ball.points[:, 0] < 0.9 * ball.points[:, 0].min()
     without = growth_mask(ball, scale, wall)
@@ -232,7 +226,7 @@ def test_caps_on_holes_of_the_file_do_not_grow(ball: TetMesh) -> None:
     assert np.array_equal(growth_mask(replace(ball, point_data={FILLED: 0 * top}), scale, wall), without)
 
 
-def test_the_mask_of_the_reference_is_an_ellipsoid_at_every_node(ball: TetMesh) -> None:
+def test_the_mask_of_the_reference_is_an_ellipsoid_at_every_node(ball):
     scale = scale_of(ball, None, reference=True)
     lr, ap, si = ((ball.points - scale.origin) / scale.length).T
     x, y, z = -ap, lr, -si  # its coordinates
@@ -241,7 +235,7 @@ def test_the_mask_of_the_reference_is_an_ellipsoid_at_every_node(ball: TetMesh) 
 
 
 @pytest.mark.parametrize("model", ["growing", "braingrowth"])
-def test_fields_of_the_mesh_replace_the_defaults(ball: TetMesh, model: Model) -> None:
+def test_fields_of_the_mesh_replace_the_defaults(ball, model):
     upper = ball.points[:, 2] > 3.0
     fields = {"growth": 1.0 * upper, "thickness": np.where(upper, 2.0, 1.0), "label": np.where(upper, 7, 3)}
     mesh = TetMesh(ball.points, ball.cells, fields)
@@ -266,7 +260,7 @@ def test_fields_of_the_mesh_replace_the_defaults(ball: TetMesh, model: Model) ->
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("hemisphere", [None, "L"])
 @pytest.mark.parametrize("fault", ["half of them", "one", "flat"])
-def test_an_inverted_mesh_is_refused_before_anything_is_computed(tmp_path: Path, fault: str, hemisphere: str) -> None:
+def test_an_inverted_mesh_is_refused_before_anything_is_computed(tmp_path, fault, hemisphere):
     """Half of all tetrahedra inverted have no volume together, by which a centroid would divide."""
     mesh = cube_mesh(4, side=60.0)
     cells, points = mesh.cells.copy(), mesh.points.copy()
@@ -281,7 +275,7 @@ def test_an_inverted_mesh_is_refused_before_anything_is_computed(tmp_path: Path,
             checked()
 
 
-def test_the_reference_counts_growth_from_its_start_and_a_step_late(ball: TetMesh) -> None:
+def test_the_reference_counts_growth_from_its_start_and_a_step_late(ball):
     settings = Settings(gestational_age=30.0, model="braingrowth", reference=True, time_step=1e-4)
     run, start = prepared(ball, settings), time_of(30.0)
     (growth,), (thickening,), _ = run.growth.at(np.array([start + 5e-4]), 1e-4)
@@ -291,9 +285,7 @@ def test_the_reference_counts_growth_from_its_start_and_a_step_late(ball: TetMes
 
 @pytest.mark.parametrize(("hemisphere", "side"), [("L", -1.0), ("R", 1.0)])
 @pytest.mark.parametrize(("aspect", "length"), [((0.5, 1, 0.6), 10.0), ((0.8, 1, 0.6), 16.0), ((0.3, 0.5, 1), 10.0)])
-def test_a_brain_and_half_of_one_have_the_unit_of_the_reference(
-    ball: TetMesh, hemisphere: str, side: float, aspect: tuple[float, ...], length: float
-) -> None:
+def test_a_brain_and_half_of_one_have_the_unit_of_the_reference(ball, hemisphere, side, aspect, length):
     mesh = TetMesh(ball.points * aspect, ball.cells)
     settings = Settings(gestational_age=22.0, hemisphere=hemisphere, model="braingrowth")
     run = prepared(mesh, settings)
@@ -305,7 +297,7 @@ def test_a_brain_and_half_of_one_have_the_unit_of_the_reference(
         assert np.abs(x).max() == pytest.approx(1)
 
 
-def test_the_cortex_of_a_real_brain_is_as_thick_as_in_the_reference() -> None:
+def test_the_cortex_of_a_real_brain_is_as_thick_as_in_the_reference():
     surface = real_surface("fetal/CRL_STA22_left_white")
     extent = np.ptp(surface.points, axis=0)
     assert max(extent[0], extent[1] / 2, extent[2] / 2) * THICKNESS == pytest.approx(1.25, abs=0.02)
@@ -332,9 +324,7 @@ def test_the_cortex_of_a_real_brain_is_as_thick_as_in_the_reference() -> None:
         ({}, {"growth": 1.001}, "growth.*1.001"),
     ],
 )
-def test_what_cannot_be_folded_is_refused(
-    ball: TetMesh, settings: dict[str, Any], fields: dict[str, Any], word: str
-) -> None:
+def test_what_cannot_be_folded_is_refused(ball, settings, fields, word):
     data = {name: np.array([value] * len(ball.points)) for name, value in fields.items()}
     with pytest.raises(InputError, match=word):
         prepared(TetMesh(ball.points, ball.cells, data), Settings(**{"gestational_age": 22.0, **settings}))
@@ -354,12 +344,12 @@ def test_what_cannot_be_folded_is_refused(
         ({"thickness": 0.0}, "thickness"),
     ],
 )
-def test_settings_of_no_run_are_refused(settings: dict[str, Any], word: str) -> None:
+def test_settings_of_no_run_are_refused(settings, word):
     with pytest.raises(InputError, match=word):
         load({"fold": settings})
 
 
-def test_the_references_sphere_grows_as_in_the_reference(tmp_path: Path) -> None:
+def test_the_references_sphere_grows_as_in_the_reference(tmp_path):
     """Its own run has, after step 447, these areas and volumes relative to the start, and this gyrification index."""
     if not SPHERE5.exists():
         pytest.skip("needs ../shared/data/tallinen")

@@ -70,7 +70,7 @@ def blocks_askew() -> TriSurface:
 
 
 @pytest.mark.parametrize("case", ["in parallel", "askew"])
-def test_the_list_is_what_a_search_over_all_pairs_finds(case: str) -> None:
+def test_the_list_is_what_a_search_over_all_pairs_finds(case):
     parallel = two_blocks(0.05)
     surface = TriSurface(parallel.points, boundary_faces(parallel)) if case == "in parallel" else blocks_askew()
     found = contact_of(surface.points, surface.faces, bulk=5.0)
@@ -84,13 +84,13 @@ def test_the_list_is_what_a_search_over_all_pairs_finds(case: str) -> None:
     assert moved_too_far(found, x) and not moved_too_far(listed_at(found, x, 1.0), x)
 
 
-def test_an_undeformed_body_is_not_in_contact_with_itself() -> None:
+def test_an_undeformed_body_is_not_in_contact_with_itself():
     for mesh in (ball_mesh(3), cube_mesh(4)):
         found = contact(mesh)
         assert contact_forces(found, mesh.points, np.zeros_like(mesh.points), 1.0) == 0
 
 
-def test_the_force_grows_as_the_gap_closes_and_past_it() -> None:
+def test_the_force_grows_as_the_gap_closes_and_past_it():
     pushes = []
     for gap in (0.3, 0.15, 0.05, 0.01, -0.02):
         mesh = two_blocks(0.05)
@@ -108,7 +108,7 @@ def test_the_force_grows_as_the_gap_closes_and_past_it() -> None:
     assert np.all(np.diff(pushes[1:]) > 0)
 
 
-def test_colliding_blocks_bounce_without_passing_through_each_other() -> None:
+def test_colliding_blocks_bounce_without_passing_through_each_other():
     mesh = two_blocks(0.1)
     material = Material(damping=0.0)
     body = body_of(mesh, Scale(np.zeros(3), 1.0), mask=np.zeros(len(mesh.points)))
@@ -136,7 +136,7 @@ def test_colliding_blocks_bounce_without_passing_through_each_other() -> None:
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_the_medial_plane_holds_half_a_brain_on_its_side(side: float) -> None:
+def test_the_medial_plane_holds_half_a_brain_on_its_side(side):
     mesh = ball_mesh(2)
     found, external = contact(mesh, side), np.zeros_like(mesh.points)
     contact_forces(found, mesh.points, external, 1.0)
@@ -152,7 +152,7 @@ def test_the_medial_plane_holds_half_a_brain_on_its_side(side: float) -> None:
     assert 10 * soft == pytest.approx(external) and not beside.any()
 
 
-def test_an_envelope_pushes_back_what_is_beyond_it_along_its_normal() -> None:
+def test_an_envelope_pushes_back_what_is_beyond_it_along_its_normal():
     mesh = two_blocks(0.5)
     x = mesh.points
     found = contact_of(x, boundary_faces(mesh), bulk=5.0, planes=planes_of(ConvexHull(x)))

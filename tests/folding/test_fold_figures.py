@@ -37,7 +37,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "out"
 
 
-def test_the_command_makes_everything_and_drawing_again_gives_the_same_files(run: Path) -> None:
+def test_the_command_makes_everything_and_drawing_again_gives_the_same_files(run):
     assert {path.name for path in run.iterdir()} == {
         "fold.tsv", "fold.json", "fold.pvd", "frames", "seconds.tsv", "verdict.json",
         "folding.svg", "folded.png", "folding.gif", MANIFEST,
@@ -53,7 +53,7 @@ def test_the_command_makes_everything_and_drawing_again_gives_the_same_files(run
     assert main(["fold", "--status", str(run / "frames")]) == 1
 
 
-def test_the_figure_shows_what_the_table_holds(run: Path) -> None:
+def test_the_figure_shows_what_the_table_holds(run):
     figure, rows = numbers(run / "fold.tsv", "L"), read_tsv(run / "fold.tsv").apply(pd.to_numeric, errors="coerce")
     shown = {axis.get_ylabel(): axis.lines[0] for axis in figure.axes}
     units = {
@@ -71,9 +71,7 @@ def test_the_figure_shows_what_the_table_holds(run: Path) -> None:
         assert len(legend.get_texts()) == 1 + sources
 
 
-def test_rows_are_in_even_steps_with_one_for_every_real_brain_and_others_are_named(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_rows_are_in_even_steps_with_one_for_every_real_brain_and_others_are_named(monkeypatch, tmp_path, caplog):
     surface = ball_surface(2)
     brain = brain_of(surface, np.zeros(len(surface.points), bool))
     monkeypatch.setattr(fold_figures, "simulated_brain", lambda _: brain)
@@ -102,9 +100,7 @@ def test_rows_are_in_even_steps_with_one_for_every_real_brain_and_others_are_nam
         ("30=right.surf.gii", "hemisphere R"),
     ],
 )
-def test_a_real_brain_that_cannot_be_is_refused_before_the_work(
-    option: str, word: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_real_brain_that_cannot_be_is_refused_before_the_work(option, word, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     vtu.write(ball_mesh(2, radius=10.0), tmp_path / "ball.vtu")
     write_surface(ball_surface(2), tmp_path / "right.surf.gii")
@@ -119,7 +115,7 @@ def test_a_real_brain_that_cannot_be_is_refused_before_the_work(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_log_gets_a_line_per_percent_with_what_is_left() -> None:
+def test_a_log_gets_a_line_per_percent_with_what_is_left():
     now = Measurements(**dict.fromkeys(Measurements.__dataclass_fields__, 1.0))
     said: list[str] = []
     progress = per_percent(said.append)

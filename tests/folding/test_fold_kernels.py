@@ -70,7 +70,7 @@ def first_piola(f: np.ndarray, mu: float, bulk: float) -> np.ndarray:
     return j * sigma @ np.linalg.inv(f).T
 
 
-def test_an_affine_displacement_gives_the_exact_stress() -> None:
+def test_an_affine_displacement_gives_the_exact_stress():
     mesh = cube_mesh(4, jitter=0.2)
     body, work = ungrown(mesh)
     f = np.array([[1.1, 0.2, 0.0], [0.05, 0.9, -0.1], [0.0, 0.15, 1.2]])
@@ -96,7 +96,7 @@ def lumped_area(mesh: TetMesh, nodes: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("growth", [(0.4, 0.0, 0.0), (0.4, -0.3, 0.1)])
-def test_forces_are_the_gradient_of_the_energy(growth: tuple[float, float, float]) -> None:
+def test_forces_are_the_gradient_of_the_energy(growth):
     mesh = ball_mesh(2)
     amount = np.linspace(0.2, 1.5, len(mesh.points))
     body = body_of(mesh, UNIT, thickness=0.3, amount=amount)
@@ -105,7 +105,7 @@ def test_forces_are_the_gradient_of_the_energy(growth: tuple[float, float, float
 
 
 @pytest.mark.parametrize("stretches", [(1.0, 1.1, 0.05), (1.0, 0.06, 0.05), (1.0, 0.9, 0.0), (1.1, 1.0, -0.05)])
-def test_so_they_are_in_flat_and_inverted_elements(stretches: tuple[float, float, float]) -> None:
+def test_so_they_are_in_flat_and_inverted_elements(stretches):
     mesh = cube_mesh(1)
     body, _ = ungrown(mesh)
     x = mesh.points * stretches @ np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
@@ -126,7 +126,7 @@ def assert_forces_follow_from_energy(body: Body, x: np.ndarray, of_all: tuple[fl
     assert (energy(h) - energy(-h)) / (2 * h) == pytest.approx(analytic, rel=1e-7)
 
 
-def test_a_free_body_that_grows_alike_everywhere_is_without_stress() -> None:
+def test_a_free_body_that_grows_alike_everywhere_is_without_stress():
     mesh = ball_mesh(2)
     m = len(mesh.cells)
     body = body_of(mesh, UNIT)._replace(depth=np.full(m, -1e9), normals=np.zeros((m, 3)))  # g = 1, no direction
@@ -138,7 +138,7 @@ def test_a_free_body_that_grows_alike_everywhere_is_without_stress() -> None:
 
 
 @pytest.mark.parametrize("cells", [4, 10])
-def test_a_body_has_as_much_cortex_with_large_cells_as_with_small_ones(cells: int) -> None:
+def test_a_body_has_as_much_cortex_with_large_cells_as_with_small_ones(cells):
     """The cortex of a cube, 0.2 thick, fills 1 - 0.6^3 of it, whatever its cells are."""
     mesh = cube_mesh(cells, jitter=0.1)
     body = body_of(mesh, UNIT, thickness=0.2)
@@ -146,7 +146,7 @@ def test_a_body_has_as_much_cortex_with_large_cells_as_with_small_ones(cells: in
     assert body.volumes @ share == pytest.approx(1 - 0.6**3, rel=0.03)
 
 
-def test_growth_is_along_the_surface_and_near_it() -> None:
+def test_growth_is_along_the_surface_and_near_it():
     mesh = ball_mesh(3)
     body = body_of(mesh, UNIT, thickness=0.2)
     work = workspace(body)
@@ -160,7 +160,7 @@ def test_growth_is_along_the_surface_and_near_it() -> None:
     assert outward[radius > 0.8].min() > 0.8
 
 
-def test_without_smoothing_elements_are_linear_tetrahedra() -> None:
+def test_without_smoothing_elements_are_linear_tetrahedra():
     mesh = cube_mesh(3, jitter=0.2)
     x = mesh.points * [1.1, 1.0, 0.9] + 0.01 * np.sin(5 * mesh.points[:, ::-1])
     found = []
@@ -172,7 +172,7 @@ def test_without_smoothing_elements_are_linear_tetrahedra() -> None:
     assert np.abs(found[2] - found[0]).max() > 0.01 * np.abs(found[0]).max()
 
 
-def test_momentum_is_conserved_without_contact_and_damping() -> None:
+def test_momentum_is_conserved_without_contact_and_damping():
     mesh = ball_mesh(2)
     body = body_of(mesh, UNIT, thickness=0.3)
     work, state, material = workspace(body), at_rest(mesh), MATERIAL._replace(damping=0.0)
@@ -189,7 +189,7 @@ def test_momentum_is_conserved_without_contact_and_damping() -> None:
     assert np.abs(state.x - mesh.points).max() > 1e-3  # it did move
 
 
-def test_energy_decays_once_growth_has_stopped() -> None:
+def test_energy_decays_once_growth_has_stopped():
     mesh = ball_mesh(2)
     body, damped = body_of(mesh, UNIT, thickness=0.3), Material(damping=0.5)
     work, state = workspace(body), at_rest(mesh)
@@ -203,7 +203,7 @@ def test_energy_decays_once_growth_has_stopped() -> None:
 
 
 @pytest.mark.parametrize("bad", [0.0, np.nan])
-def test_it_stops_at_an_inverted_element_and_moves_nothing(bad: float) -> None:
+def test_it_stops_at_an_inverted_element_and_moves_nothing(bad):
     mesh = cube_mesh(3)
     body, work = ungrown(mesh)
     state = at_rest(mesh)
@@ -213,7 +213,7 @@ def test_it_stops_at_an_inverted_element_and_moves_nothing(bad: float) -> None:
     assert np.array_equal(state.x, x, equal_nan=True)
 
 
-def test_the_flatter_an_element_the_harder_it_is_pushed_open_and_nearly_flat_ones_are_counted() -> None:
+def test_the_flatter_an_element_the_harder_it_is_pushed_open_and_nearly_flat_ones_are_counted():
     mesh = cube_mesh(1)
     body, work = ungrown(mesh)
     top, edges = mesh.points[:, 2] == 1, 19
@@ -256,7 +256,7 @@ def first_piola_of_elements(
 
 
 @pytest.mark.parametrize("cells", [1, 6])
-def test_the_compiled_loops_compute_what_the_formulas_say(cells: int) -> None:
+def test_the_compiled_loops_compute_what_the_formulas_say(cells):
     """On 6 elements of one patch, and on 1,296 of three: to rounding."""
     mesh = cube_mesh(cells, jitter=0.2)
     body = body_of(mesh, UNIT, thickness=0.3, amount=np.linspace(0.2, 1.5, len(mesh.points)))
@@ -285,7 +285,7 @@ def test_the_compiled_loops_compute_what_the_formulas_say(cells: int) -> None:
     assert work.block_min.min() == pytest.approx(np.linalg.det(f).min(), rel=1e-13)
 
 
-def test_functions_without_calls_are_those_of_the_library() -> None:
+def test_functions_without_calls_are_those_of_the_library():
     x = np.linspace(-250, 250, 10001)
     assert [exponential(value) for value in x] == pytest.approx(np.exp(x), rel=1e-15)
     assert exponential(1e9) > 1e130 and 0 < exponential(-1e9) < 1e-130
@@ -293,7 +293,7 @@ def test_functions_without_calls_are_those_of_the_library() -> None:
     assert [inverse_cube_root(value) for value in j] == pytest.approx(j ** (-1 / 3), rel=1e-15)
 
 
-def test_the_loop_of_the_law_is_made_of_vector_instructions() -> None:
+def test_the_loop_of_the_law_is_made_of_vector_instructions():
     """One call that is left in it would make it ten times slower, and nothing else would tell."""
     fresh = numba.njit(fastmath={"contract"}, error_model="numpy")(stress_elements.py_func)
     fresh(np.zeros(OWN_ROWS * SIZE), np.zeros(ROWS * SIZE), MATERIAL)

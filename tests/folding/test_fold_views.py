@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from shapes import ball_mesh, ball_surface
@@ -35,7 +33,7 @@ def box(size: tuple[float, float, float], red: int | None = None) -> Brain:
 
 
 @pytest.mark.parametrize("hemisphere", ["L", "R", None])
-def test_what_is_said_of_directions_is_what_is_seen(hemisphere: str | None) -> None:
+def test_what_is_said_of_directions_is_what_is_seen(hemisphere):
     for side in sides(hemisphere):
         front, size = box((20.0, 60.0, 40.0), red=3), (160, 160)
         image = view(front, side, np.zeros(3), size, 2.0).astype(int)
@@ -48,7 +46,7 @@ def test_what_is_said_of_directions_is_what_is_seen(hemisphere: str | None) -> N
     assert red[:80].mean() > 5 * red[80:].mean()  # "midline up"; of a whole brain, the right side
 
 
-def test_a_millimetre_has_as_many_pixels_as_said() -> None:
+def test_a_millimetre_has_as_many_pixels_as_said():
     brain, side = box((20.0, 60.0, 40.0)), sides("L")[0]
     assert extent(brain, side) == pytest.approx([60.0, 40.0], rel=0.01)
     drawn = (view(brain, side, centre(brain), (300, 200), 4.0) < 250).any(axis=2)
@@ -56,7 +54,7 @@ def test_a_millimetre_has_as_many_pixels_as_said() -> None:
     assert np.ptp(columns) == pytest.approx(240, abs=4) and np.ptp(rows) == pytest.approx(160, abs=4)
 
 
-def test_all_brains_of_a_sheet_and_its_bar_have_one_scale() -> None:
+def test_all_brains_of_a_sheet_and_its_bar_have_one_scale():
     small, large = box((10.0, 30.0, 20.0)), box((20.0, 60.0, 40.0))
     figure = sheet([Row(22.0, small), Row(30.5, large, small, "atlas, 30 weeks")], "L")
     axis, margin = figure.axes[0], 4 / 600
@@ -71,7 +69,7 @@ def test_all_brains_of_a_sheet_and_its_bar_have_one_scale() -> None:
     assert {"22 weeks", "30.5 weeks", "atlas, 30 weeks"} <= {text.get_text() for text in axis.texts}
 
 
-def test_a_frame_has_its_wall_and_a_real_hemisphere_finds_its_own(tmp_path: Path) -> None:
+def test_a_frame_has_its_wall_and_a_real_hemisphere_finds_its_own(tmp_path):
     mesh = ball_mesh(2, radius=10.0)
     marks = (mesh.points[:, 0] > 8).astype(np.uint8)
     vtu.write(TetMesh(mesh.points, mesh.cells, {"medial_wall": marks}), tmp_path / "with.vtu")

@@ -22,7 +22,7 @@ from cortet.meshes import TriSurface
 SHARED = Path(__file__).parents[3] / "shared/data"
 
 
-def test_a_pair_of_balls_has_the_cortex_between_them() -> None:
+def test_a_pair_of_balls_has_the_cortex_between_them():
     pial, white = ball_surface(4, radius=12.0), ball_surface(4, radius=10.0)
     found, inside = of_pair(pial, white, None), of_surface(white, None)
     assert found["cortex_share"] == pytest.approx(1 - (10 / 12) ** 3, rel=1e-6)
@@ -31,7 +31,7 @@ def test_a_pair_of_balls_has_the_cortex_between_them() -> None:
     assert np.isnan(inside["cortical_thickness_mm"]) and np.isnan(inside["cortex_share"])
 
 
-def test_the_medial_wall_takes_no_part_in_width_and_depth_and_is_no_cortex() -> None:
+def test_the_medial_wall_takes_no_part_in_width_and_depth_and_is_no_cortex():
     ball = ball_surface(5, radius=10.0)
     dished = ball.points.copy()
     dished[dished[:, 0] > 8, 0] = 6.0  # a left half whose medial wall lies in a hollow
@@ -46,7 +46,7 @@ def test_the_medial_wall_takes_no_part_in_width_and_depth_and_is_no_cortex() -> 
 @pytest.mark.parametrize(
     ("law", "column"), [(AREA, "area_cm2"), (VOLUME, "volume_ml"), (HULL, "hull_volume_ml")], ids=str
 )
-def test_the_laws_of_the_package_are_those_of_its_table(law: tuple[float, float, float], column: str) -> None:
+def test_the_laws_of_the_package_are_those_of_its_table(law, column):
     brains = healthy_hemispheres()
     ages, values = (brains[name].to_numpy(float) for name in ("gestational_age_weeks", column))
     again = fitted(ages, values, (1.2 * law[0], 0.9 * law[1], law[2] + 1))
@@ -54,7 +54,7 @@ def test_the_laws_of_the_package_are_those_of_its_table(law: tuple[float, float,
     assert np.sqrt(((values / usual(law, ages) - 1) ** 2).mean()) < 0.08
 
 
-def test_the_table_of_real_brains_is_what_the_surfaces_say(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_table_of_real_brains_is_what_the_surfaces_say(monkeypatch):
     if not SHARED.exists():
         pytest.skip(f"needs {SHARED}")
     names = ["CRL_STA28_left_white", "neonatal_dhcp_w34_rh_pial"]

@@ -55,7 +55,7 @@ def frame(folder: Path) -> TetMesh:
     return vtu.read(max((folder / "folded/frames").glob("*.vtu")))
 
 
-def test_the_stress_is_the_one_that_moves_the_nodes() -> None:
+def test_the_stress_is_the_one_that_moves_the_nodes():
     """Exactly so where elements are not smoothed."""
     settings = Settings(gestational_age=22.0, allow_volume=True, end=23.0, thickness=3.0, model="braingrowth")
     run = prepared(ball_mesh(2, radius=10.0), settings)
@@ -76,7 +76,7 @@ def test_the_stress_is_the_one_that_moves_the_nodes() -> None:
     assert felt.stretch.max() > 1.001
 
 
-def test_a_homogeneous_strain_has_the_same_stress_everywhere() -> None:
+def test_a_homogeneous_strain_has_the_same_stress_everywhere():
     run = prepared(ball_mesh(2, radius=10.0), Settings(gestational_age=22.0, end=23.0, thickness=1e-3))
     moment = beginning(run)
     moment.state.x[:] = moment.state.x @ np.array([[1.1, 0.05, 0.0], [0.0, 0.95, 0.0], [0.0, 0.0, 1.0]])
@@ -86,7 +86,7 @@ def test_a_homogeneous_strain_has_the_same_stress_everywhere() -> None:
     assert np.ptp(felt.stretch) < 1e-12 and felt.stretch[0] > 1.05 and np.abs(felt.stress[0]).max() > 0.05
 
 
-def test_curvature_and_gyrification_of_a_ball() -> None:
+def test_curvature_and_gyrification_of_a_ball():
     ball = ball_surface(4, RADIUS)
     gaussian = gaussian_curvature(ball.points, ball.faces)
     assert np.median(gaussian) == pytest.approx(1 / RADIUS**2, rel=0.02)
@@ -96,7 +96,7 @@ def test_curvature_and_gyrification_of_a_ball() -> None:
     assert local_gyrification(ball.points, ball.faces) == pytest.approx(1, abs=0.08)
 
 
-def test_the_folded_surface_is_the_input_moved(folder: Path) -> None:
+def test_the_folded_surface_is_the_input_moved(folder):
     given, made = (read_surface(folder / name) for name in ("x.surf.gii", f"folded/x_week-{END:g}_white.surf.gii"))
     assert np.array_equal(given.faces, made.faces) and given.frame == made.frame
     start = read_surface(folder / f"folded/x_week-{START:g}_white.surf.gii")
@@ -107,7 +107,7 @@ def test_the_folded_surface_is_the_input_moved(folder: Path) -> None:
     assert image.darrays[0].meta["AnatomicalStructureSecondary"] == "GrayWhite"
 
 
-def test_every_measure_has_a_file(folder: Path) -> None:
+def test_every_measure_has_a_file(folder):
     for name in MEASURES:
         found = values(folder, name)
         assert len(found) == len(ball_surface(3, RADIUS).points)
@@ -121,7 +121,7 @@ def test_every_measure_has_a_file(folder: Path) -> None:
     assert values(folder, "area_growth").mean() > 1.01
 
 
-def test_a_fold_of_another_mesh_is_refused(folder: Path) -> None:
+def test_a_fold_of_another_mesh_is_refused(folder):
     found, _, _ = map_of_file(folder / "x.vtu", vtu.read(folder / "x.vtu"))
     moved = frame(folder)
     with pytest.raises(InputError, match="another mesh"):
@@ -130,16 +130,14 @@ def test_a_fold_of_another_mesh_is_refused(folder: Path) -> None:
         maps_of(replace(moved, cell_data={}), moved, found)
 
 
-def test_weeks_that_a_fold_does_not_reach_are_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_weeks_that_a_fold_does_not_reach_are_refused(folder, capsys):
     command = ["fold", str(folder / "x.vtu"), "--end", "29", "--surfaces", "28.5,34", "-o", str(folder / "later")]
     assert main(command) == 1
     assert "28 to 29 weeks, not to 34" in capsys.readouterr().err
     assert not (folder / "later").exists()
 
 
-def test_a_new_fold_deletes_what_an_earlier_one_left_in_its_folder(
-    folder: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_new_fold_deletes_what_an_earlier_one_left_in_its_folder(folder, tmp_path, caplog):
     """Maps of other weeks, or of another mesh, would pass for its own. Files of the user stay."""
     command = ["fold", str(folder / "x.vtu"), "-o", str(tmp_path / "again"), "--end"]
     assert main([*command, "28.2", "--surfaces", "28.2"]) == 0

@@ -21,7 +21,7 @@ def rippled(waves: int, height: float) -> tuple[TriSurface, np.ndarray]:
 
 
 @pytest.mark.parametrize(("waves", "height"), [(16, 0.05), (16, 0.2), (16, 1.5), (10, 1.5)])
-def test_the_wavelength_and_spacing_of_known_waves_of_any_height(waves: int, height: float) -> None:
+def test_the_wavelength_and_spacing_of_known_waves_of_any_height(waves, height):
     """Those of 0.05 and 0.2 mm do not make the surface concave."""
     surface, cortex = rippled(waves, height)
     found = folds_of(surface.points, surface.faces, cortex)
@@ -30,7 +30,7 @@ def test_the_wavelength_and_spacing_of_known_waves_of_any_height(waves: int, hei
     assert found.spacing == (pytest.approx(2 * np.pi * RADIUS / waves, rel=0.15) if height > 1 else None)
 
 
-def test_a_ball_is_curved_alike_everywhere_and_has_no_folds() -> None:
+def test_a_ball_is_curved_alike_everywhere_and_has_no_folds():
     ball = ball_surface(4, radius=RADIUS)
     everywhere = np.ones(len(ball.points))
     assert np.median(mean_curvature(ball.points, ball.faces)) == pytest.approx(1 / RADIUS, rel=1e-2)
@@ -39,7 +39,7 @@ def test_a_ball_is_curved_alike_everywhere_and_has_no_folds() -> None:
     assert depth == pytest.approx(0, abs=1e-9)
 
 
-def test_the_spacing_of_a_rough_surface_does_not_jump_as_it_grows() -> None:
+def test_the_spacing_of_a_rough_surface_does_not_jump_as_it_grows():
     """It is smoothed over 1.5 mm, which is some rounds over neighbours, and not a whole number of them."""
     surface, cortex = rippled(16, height=0.8)
     rough = surface.points * np.random.default_rng(0).normal(1, 0.002, (len(surface.points), 1))
@@ -48,7 +48,7 @@ def test_the_spacing_of_a_rough_surface_does_not_jump_as_it_grows() -> None:
     assert np.abs(np.diff(np.log(relative))).max() < 0.008
 
 
-def test_the_depth_of_known_waves() -> None:
+def test_the_depth_of_known_waves():
     surface, cortex = rippled(16, height=1.5)
     # the mean of 1.5 (1 - cos), less what the hull, straight from crest to crest, cuts off the sphere: spacing^2 / 12 R
     expected = 1.5 - (2 * np.pi * RADIUS / 16) ** 2 / (12 * RADIUS)

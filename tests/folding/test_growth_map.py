@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -42,7 +41,7 @@ THIN = Settings(
 # --- what was measured
 
 
-def test_stretches_and_directions_of_a_stretched_ball_are_those_put_in() -> None:
+def test_stretches_and_directions_of_a_stretched_ball_are_those_put_in():
     ball = ball_surface(4)
     tensors = logarithmic_growth(ball, replace(ball, points=ball.points * [1.5, 1.5, 1.2]))
     pole, equator = ball.points[:, 2].argmax(), ball.points[:, 0].argmax()
@@ -53,13 +52,13 @@ def test_stretches_and_directions_of_a_stretched_ball_are_those_put_in() -> None
     assert abs(found.direction[equator]) == pytest.approx([0, 1, 0], abs=1e-3)
 
 
-def test_the_area_is_that_around_each_vertex() -> None:
+def test_the_area_is_that_around_each_vertex():
     ball = ball_surface(3)
     later = replace(ball, points=ball.points * (1.2 + 0.1 * np.sin(ball.points[:, :1])))
     assert area_ratio(logarithmic_growth(ball, later)) == pytest.approx(vertex_areas(later) / vertex_areas(ball))
 
 
-def test_smoothing_takes_away_as_much_noise_as_there_is() -> None:
+def test_smoothing_takes_away_as_much_noise_as_there_is():
     ball = ball_surface(4)
     later = replace(ball, points=ball.points * [1.5, 1.5, 1.2])
     true = logarithmic_growth(ball, later)
@@ -75,7 +74,7 @@ def test_smoothing_takes_away_as_much_noise_as_there_is() -> None:
     assert area_ratio(smoothed(even, ball, 5.0).tensors) == pytest.approx(1.69)
 
 
-def test_surfaces_that_do_not_correspond_are_refused() -> None:
+def test_surfaces_that_do_not_correspond_are_refused():
     ball = ball_surface(2)
     turned, flat = replace(ball, faces=ball.faces[::-1]), replace(ball, points=np.zeros_like(ball.points))
     for later, word in ((ball_surface(3), "correspond"), (turned, "correspond"), (flat, "no area")):
@@ -91,7 +90,7 @@ def test_surfaces_that_do_not_correspond_are_refused() -> None:
 # --- what is imposed
 
 
-def test_an_element_that_has_the_shape_of_its_growth_is_free_of_stress() -> None:
+def test_an_element_that_has_the_shape_of_its_growth_is_free_of_stress():
     rng = np.random.default_rng(0)
     normal = np.array([0.6, 0.0, 0.8])
     t1, t2 = np.array(tangents(tuple(normal)))
@@ -126,7 +125,7 @@ def grown(mesh: TetMesh, settings: Settings) -> FloatArray:
     return run.scale.origin + run.scale.length * run.growth.frame(moment.time) * moment.state.x
 
 
-def test_a_map_that_is_the_same_everywhere_grows_like_the_law_that_says_so() -> None:
+def test_a_map_that_is_the_same_everywhere_grows_like_the_law_that_says_so():
     mesh = ball_mesh(2, radius=10.0)
     still = {22.0: 1.0, 23.0: 1.0}  # the whole keeps its volume
     by_law = grown(mesh, THIN.with_keys(volume=still, growth_rate={22.0: 0.0, 24.0: 0.2}))
@@ -156,7 +155,7 @@ def test_what_grows_more_along_its_meridians_becomes_longer_from_pole_to_pole() 
     assert along_x == pytest.approx(along_y, rel=2e-3)
 
 
-def test_the_energy_of_a_fold_by_a_map_is_balanced_and_it_ends_where_its_last_map_does(tmp_path: Path) -> None:
+def test_the_energy_of_a_fold_by_a_map_is_balanced_and_it_ends_where_its_last_map_does(tmp_path):
     mesh, said = ball_mesh(2, radius=10.0), list[str]()
     verdict = fold(mapped(mesh, radial(mesh, 1.1), 23.0), tmp_path, THIN.with_keys(end=24.0), say=said.append)
     assert abs(float(read_tsv(tmp_path / "fold.tsv")["energy_error"].iloc[-1])) < 5e-3
@@ -180,6 +179,6 @@ NOTHING, ONES = np.zeros((len(BALL.points), 6)), np.ones(len(BALL.points))
         ({"growth_to_24_area_ratio": ONES}, THIN, "area_ratio"),
     ],
 )
-def test_what_is_no_map_is_refused(fields: dict[str, FloatArray], settings: Settings, word: str) -> None:
+def test_what_is_no_map_is_refused(fields, settings, word):
     with pytest.raises(InputError, match=word):
         prepared(replace(BALL, point_data=fields), settings)

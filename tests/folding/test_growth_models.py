@@ -32,7 +32,7 @@ def ball() -> TetMesh:
     return ball_mesh(2, radius=10.0)
 
 
-def test_a_law_by_age_is_a_rate_or_goes_through_a_table_and_never_beyond_it() -> None:
+def test_a_law_by_age_is_a_rate_or_goes_through_a_table_and_never_beyond_it():
     assert by_age(0.05)(AGES) == pytest.approx(0.05 * (AGES - 22))
     table = {22.0: 0.0, 28.0: 0.3, 34.0: 0.3, 38.0: 0.8}
     curve = by_age(table)
@@ -44,15 +44,13 @@ def test_a_law_by_age_is_a_rate_or_goes_through_a_table_and_never_beyond_it() ->
 
 
 @pytest.mark.parametrize(("law", "real"), [(VOLUME, {22: 19.8, 28: 50.3, 34: 75.4, 40: 94.2}), (HULL, {28: 64.8})])
-def test_usual_volumes_are_those_of_real_hemispheres(law: tuple[float, float, float], real: dict[int, float]) -> None:
+def test_usual_volumes_are_those_of_real_hemispheres(law, real):
     for age, volume in real.items():
         assert usual(law, np.array([age]))[0] == pytest.approx(volume, rel=0.08)
 
 
 @pytest.mark.parametrize("volume", [None, {22.0: 20.0, 30.0: 50.0, 38.0: 90.0}])
-def test_without_stress_the_whole_has_the_volume_that_it_should(
-    ball: TetMesh, volume: dict[float, float] | None
-) -> None:
+def test_without_stress_the_whole_has_the_volume_that_it_should(ball, volume):
     run = prepared(ball, Settings(gestational_age=22.0, end=38.0, thickness=2.0, volume=volume))
     for age in (22.0, 26.0, 38.0):
         time = times_of(np.array([age]))
@@ -66,7 +64,7 @@ def test_without_stress_the_whole_has_the_volume_that_it_should(
     assert run.growth.frame(float(times_of(AGES[:1])[0])) == pytest.approx(1)
 
 
-def test_growth_counts_from_the_age_of_the_mesh(ball: TetMesh) -> None:
+def test_growth_counts_from_the_age_of_the_mesh(ball):
     rates = {"growth_rate": 0.05, "thickness_rate": -0.02}
     run = prepared(ball, Settings(gestational_age=26.0, end=38.0, thickness=2.0, start="free", **rates))
     ((first,), (later,)) = run.growth.at(times_of(np.array([26.0, 34.0])), 0.0).growth
@@ -77,7 +75,7 @@ def test_growth_counts_from_the_age_of_the_mesh(ball: TetMesh) -> None:
     assert later[CORE] == 0
 
 
-def test_growth_that_a_later_mesh_does_not_show_comes_in_its_first_week(ball: TetMesh) -> None:
+def test_growth_that_a_later_mesh_does_not_show_comes_in_its_first_week(ball):
     assert hidden_growth(0.05, 22.0) == 0 == hidden_growth(0.0, 30.0)  # all that has grown is seen
     shown = np.sqrt(103.9 / 47.8) / np.cbrt(52.2 / 20.6)  # of usual hemispheres of 28 weeks
     assert hidden_growth(0.05, 28.0) == pytest.approx(1.3 / shown - 1, rel=0.01)
@@ -103,7 +101,7 @@ def in_run(run: Run) -> np.ndarray:
     return np.linalg.norm(run.mesh.points[run.body.cells].mean(axis=1), axis=1) < 4
 
 
-def test_a_region_of_the_core_may_grow_otherwise(ball: TetMesh) -> None:
+def test_a_region_of_the_core_may_grow_otherwise(ball):
     mesh, by_name = with_region(ball)
     chosen = Settings(gestational_age=22.0, end=38.0, thickness=1.0)
     run = prepared(mesh, chosen.with_keys(core_regions={4: -0.02}))
@@ -118,7 +116,7 @@ def test_a_region_of_the_core_may_grow_otherwise(ball: TetMesh) -> None:
             prepared(given, chosen.with_keys(core_regions=regions))
 
 
-def test_a_region_of_the_core_may_be_softer_or_stiffer(ball: TetMesh) -> None:
+def test_a_region_of_the_core_may_be_softer_or_stiffer(ball):
     mesh, by_name = with_region(ball)
     chosen = Settings(gestational_age=22.0, end=38.0, core_stiffness=0.2)
     for given, key in ((mesh, 4), (by_name, "thalamus")):
@@ -139,7 +137,7 @@ def rows_of(mesh: TetMesh, folder: Path, settings: Settings) -> list[Measurement
     return rows
 
 
-def test_a_ball_grows_as_a_brain_of_its_age_and_stays_a_ball(ball: TetMesh, tmp_path: Path) -> None:
+def test_a_ball_grows_as_a_brain_of_its_age_and_stays_a_ball(ball, tmp_path):
     chosen = Settings(gestational_age=22.0, allow_volume=True, end=23.0, thickness=2.0, envelope=False)
     rows = rows_of(ball, tmp_path, chosen.with_keys(record_interval=0.25))
     expected = usual(VOLUME, np.array([row.gestational_age for row in rows])) / usual(VOLUME, AGES[:1])
@@ -150,7 +148,7 @@ def test_a_ball_grows_as_a_brain_of_its_age_and_stays_a_ball(ball: TetMesh, tmp_
     assert rows[0].cortex_share == pytest.approx(shell, rel=0.25)  # of a ball that a coarse mesh stands for
 
 
-def test_an_envelope_holds_back_what_grows_out_of_it(ball: TetMesh, tmp_path: Path) -> None:
+def test_an_envelope_holds_back_what_grows_out_of_it(ball, tmp_path):
     chosen = Settings(gestational_age=22.0, allow_volume=True, end=23.0, thickness=2.0, hull={22.0: 1.0, 23.0: 1.05})
     hulls = []
     for envelope in (False, True):
@@ -159,7 +157,7 @@ def test_an_envelope_holds_back_what_grows_out_of_it(ball: TetMesh, tmp_path: Pa
     assert hulls[0] > 1.2 and 1.05 < hulls[1] < 1.15  # it is soft
 
 
-def test_a_table_by_age_reaches_the_run_as_it_was_written(ball: TetMesh) -> None:
+def test_a_table_by_age_reaches_the_run_as_it_was_written(ball):
     section = {"growth_rate": {22: 0, 30: 0.3}, "hull": {22: 1.0, 40: 4}, "volume": {22: 20, 38: 90}, "thickness": 2.0}
     values = {**load({"fold": section}).fold.values(), "gestational_age": 22.0}
     handed_over = json.loads(json.dumps(values))  # as a rule does, which makes texts of the ages

@@ -42,7 +42,7 @@ def block(turned: float = 0.0) -> TetMesh:
 
 @pytest.mark.parametrize(("hemisphere", "side"), [("L", 1.0), ("R", -1.0)])
 @pytest.mark.parametrize("turned", [0.0, 8.0])
-def test_a_flat_cut_is_found_on_the_side_of_the_midline(hemisphere: str, side: float, turned: float) -> None:
+def test_a_flat_cut_is_found_on_the_side_of_the_midline(hemisphere, side, turned):
     mesh = block(turned)
     wall = wall_of(mesh, hemisphere)
     straight = Rotation.from_euler("z", -turned, degrees=True).apply(mesh.points[wall.nodes])
@@ -54,7 +54,7 @@ def test_a_flat_cut_is_found_on_the_side_of_the_midline(hemisphere: str, side: f
 
 
 @pytest.mark.parametrize("hemisphere", ["L", "R"])
-def test_a_surface_has_the_wall_of_the_body_in_it(hemisphere: str) -> None:
+def test_a_surface_has_the_wall_of_the_body_in_it(hemisphere):
     mesh = block(8.0)
     surface, nodes = boundary_surface(mesh)
     scale, same = scale_of(mesh, hemisphere), scale_of(surface, hemisphere)
@@ -64,7 +64,7 @@ def test_a_surface_has_the_wall_of_the_body_in_it(hemisphere: str) -> None:
     assert on_surface[1:] == inside[1:]
 
 
-def test_a_body_without_a_cut_has_its_wall_around_the_middle() -> None:
+def test_a_body_without_a_cut_has_its_wall_around_the_middle():
     mesh = generate(phantom(22.0, subdivisions=4), cell_size=3.0, mesher="lattice")[0]
     wall, scale = wall_of(mesh, "L"), scale_of(mesh, "L")
     assert "no part of the surface is flat" in wall.found
@@ -72,7 +72,7 @@ def test_a_body_without_a_cut_has_its_wall_around_the_middle() -> None:
     assert np.linalg.norm(mesh.points[wall.nodes].mean(axis=0)[1:] - scale.origin[1:]) < 0.2 * scale.length
 
 
-def test_the_mesh_or_the_surface_may_say_what_its_wall_is() -> None:
+def test_the_mesh_or_the_surface_may_say_what_its_wall_is():
     mesh = block()
     surface, _ = boundary_surface(mesh)
     faces, top = boundary_faces(mesh), mesh.points[:, 2] == 20
@@ -93,7 +93,7 @@ def test_the_mesh_or_the_surface_may_say_what_its_wall_is() -> None:
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_the_wall_of_a_real_brain_is_the_cut_through_its_middle(name: str) -> None:
+def test_the_wall_of_a_real_brain_is_the_cut_through_its_middle(name):
     hemisphere, share = REAL[name]
     surface = real_surface(name)
     for body in (generate(surface, cell_size=2.0, mesher="lattice")[0], surface):
@@ -102,7 +102,7 @@ def test_the_wall_of_a_real_brain_is_the_cut_through_its_middle(name: str) -> No
         assert wall.share == pytest.approx(share, rel=0.25)
 
 
-def test_the_wall_slides_in_the_sagittal_plane_and_does_not_grow() -> None:
+def test_the_wall_slides_in_the_sagittal_plane_and_does_not_grow():
     mesh = block()
     run = prepared(mesh, Settings(gestational_age=22.0, hemisphere="L", thickness=6.0))
     surface = boundary_nodes(run.mesh)
@@ -120,6 +120,6 @@ def test_the_wall_slides_in_the_sagittal_plane_and_does_not_grow() -> None:
     assert "medial wall: " in described(run)[1]
 
 
-def test_a_whole_brain_has_none() -> None:
+def test_a_whole_brain_has_none():
     run = prepared(block(), Settings(gestational_age=22.0))
     assert run.wall is None and not run.body.held.any()

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -61,9 +59,7 @@ def with_wall(mesh: TetMesh) -> TetMesh:
         (with_wall, RIGHT),  # a mesh that marks its medial wall is believed
     ],
 )
-def test_a_hemisphere_of_the_age_in_its_place_is_not_doubted(
-    left: TetMesh, change: Callable[[TetMesh], TetMesh], settings: Settings
-) -> None:
+def test_a_hemisphere_of_the_age_in_its_place_is_not_doubted(left, change, settings):
     assert check_mesh(change(left), settings) == []
 
 
@@ -80,14 +76,12 @@ def test_a_hemisphere_of_the_age_in_its_place_is_not_doubted(
         (in_two_pieces, LEFT.with_keys(allow_volume=True), "2 separate pieces"),
     ],
 )
-def test_what_is_no_hemisphere_of_the_age_in_its_place_is_refused(
-    left: TetMesh, change: Callable[[TetMesh], TetMesh], settings: Settings, word: str
-) -> None:
+def test_what_is_no_hemisphere_of_the_age_in_its_place_is_refused(left, change, settings, word):
     with pytest.raises(InputError, match=word):
         check_mesh(change(left), settings)
 
 
-def test_what_is_flatter_on_the_other_side_and_lies_beyond_the_midline_is_refused() -> None:
+def test_what_is_flatter_on_the_other_side_and_lies_beyond_the_midline_is_refused():
     old = generate(phantom(28.0, subdivisions=4), cell_size=3.0, mesher="lattice")[0]
     flat = flatness(old)
     assert 1.05 < flat[0, 1] / flat[0, -1] < 1.2, "by its sides alone this would only be doubted"
@@ -99,7 +93,7 @@ def test_what_is_flatter_on_the_other_side_and_lies_beyond_the_midline_is_refuse
     assert check_mesh(centred, Settings(gestational_age=28.0, hemisphere="L")) == []
 
 
-def test_of_a_round_body_no_side_is_certain() -> None:
+def test_of_a_round_body_no_side_is_certain():
     ball = ball_mesh(3, radius=20.0)
     assert np.ptp(list(flatness(ball).values())) < 0.02
     assert [words for words in check_mesh(ball, LEFT) if "midline" in words] == []
@@ -111,13 +105,13 @@ def test_of_a_round_body_no_side_is_certain() -> None:
     assert [words for words in check_mesh(cut, RIGHT) if "use --hemi L" in words]
 
 
-def test_cells_as_coarse_as_the_cortex_are_doubted(left: TetMesh) -> None:
+def test_cells_as_coarse_as_the_cortex_are_doubted(left):
     (doubt,) = check_cells(prepared(left, LEFT))
     assert "cells" in doubt
     assert check_cells(prepared(left, LEFT.with_keys(thickness=8.0))) == []
 
 
-def test_a_fold_says_its_doubts_and_begins_none_that_is_refused(left: TetMesh, tmp_path: Path) -> None:
+def test_a_fold_says_its_doubts_and_begins_none_that_is_refused(left, tmp_path):
     said: list[str] = []
     fold(left, tmp_path, LEFT.with_keys(end=26.001), say=said.append)
     assert said[-1].startswith("warning: the cells are ")
@@ -131,7 +125,7 @@ def test_a_fold_says_its_doubts_and_begins_none_that_is_refused(left: TetMesh, t
     ("name", "hemisphere"),
     [("CRL_STA22_left_white", "L"), ("CRL_STA25_right_white", "R"), ("fetomorph_GW30_right", "R")],
 )
-def test_real_hemispheres_are_in_their_place(name: str, hemisphere: str) -> None:
+def test_real_hemispheres_are_in_their_place(name, hemisphere):
     mesh = generate(real_surface(f"fetal/{name}"), cell_size=4.0, mesher="lattice")[0]
     settings = Settings(gestational_age=float("".join(filter(str.isdigit, name))), hemisphere=hemisphere)
     assert check_mesh(mesh, settings) == []

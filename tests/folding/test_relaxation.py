@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import combinations
-from pathlib import Path
 
 import numba
 import numpy as np
@@ -124,7 +123,7 @@ def yielded(body: Body, x: FloatArray, growth: FloatArray, parts: FloatArray) ->
 
 
 @pytest.mark.parametrize("count", [1, 512, 1100])
-def test_every_element_yields_by_its_own_growth_and_depth(count: int) -> None:
+def test_every_element_yields_by_its_own_growth_and_depth(count):
     body, x = uneven(count)
     growth, parts = np.array([[0.3, -0.1, 0.05], [0.1, 0.2, 0.0], [0.0, 0.0, -0.2]]), np.full(count, 0.4)
     parts[1::5] = 0
@@ -138,7 +137,7 @@ def test_every_element_yields_by_its_own_growth_and_depth(count: int) -> None:
     assert count < 512 or cases == {"inverted", "elastic", "yields", "too flat"}
 
 
-def test_a_small_strain_that_is_held_decays_by_the_exponential() -> None:
+def test_a_small_strain_that_is_held_decays_by_the_exponential():
     mesh = cube_mesh(2, jitter=0.2)
     body, x = core(mesh), mesh.points @ (np.eye(3) + 1e-5 * SHEARED).T
     before = elastic_strain(body, x)
@@ -153,7 +152,7 @@ def test_a_small_strain_that_is_held_decays_by_the_exponential() -> None:
 
 
 @pytest.mark.parametrize(("steps", "error"), [(10, 0.02), (1000, 0.0002)])
-def test_a_large_one_flows_in_proportion_to_stress(steps: int, error: float) -> None:
+def test_a_large_one_flows_in_proportion_to_stress(steps, error):
     """The stretches follow d ln c / dt = -(c - mean c) / tau, c = squared stretches of determinant 1."""
     mesh = cube_mesh(2, jitter=0.2)
     body, x = core(mesh), mesh.points @ SHEARED.T
@@ -167,7 +166,7 @@ def test_a_large_one_flows_in_proportion_to_stress(steps: int, error: float) -> 
     assert 2 * np.linalg.eigvalsh(after - np.trace(after) / 3 * np.eye(3)) == pytest.approx(flow.y[:, -1], abs=error)
 
 
-def test_no_reference_becomes_flat() -> None:
+def test_no_reference_becomes_flat():
     mesh = cube_mesh(2, jitter=0.2)
     body, x = core(mesh), mesh.points * [4.0, 4.0, 1 / 16]
     for _ in range(200):
@@ -179,7 +178,7 @@ def test_no_reference_becomes_flat() -> None:
     assert min(quality(*map(tuple, rows)) for rows in body.gradients) >= FLATTEST
 
 
-def test_the_quality_of_a_reference_is_that_of_the_field() -> None:
+def test_the_quality_of_a_reference_is_that_of_the_field():
     """Mean ratio: 12 (3 V)^(2/3) over the sum of the squared edges (Liu and Joe, BIT 34, 1994)."""
     rng = np.random.default_rng(0)
     corners = rng.normal(size=(20, 4, 3))
@@ -191,13 +190,13 @@ def test_the_quality_of_a_reference_is_that_of_the_field() -> None:
         assert quality(tuple(a), tuple(b), tuple(c)) == pytest.approx(expected)
 
 
-def test_rates_follow_ages_and_regions() -> None:
+def test_rates_follow_ages_and_regions():
     laws = Relaxation(np.array([0, 1, 2]), [0.5, {24.0: 1.0, 28.0: 2.0}, "elastic"])
     assert laws.rates(26.0) == pytest.approx([2.0, 1 / 1.5, 0.0])
     assert laws.rates(20.0)[1] == 1.0 and laws.rates(40.0)[1] == 0.5
 
 
-def test_a_core_that_yields_lets_the_cortex_press_less(tmp_path: Path) -> None:
+def test_a_core_that_yields_lets_the_cortex_press_less(tmp_path):
     """Its elastic energy is smaller, what is lost is booked, and in the end all is accounted for."""
     ball, ends = ball_mesh(2, radius=10.0), {}
     for name, time in (("elastic", "elastic"), ("slow", 5.0), ("fast", 0.2)):
@@ -208,7 +207,7 @@ def test_a_core_that_yields_lets_the_cortex_press_less(tmp_path: Path) -> None:
     assert max(abs(end.energy_error) for end in ends.values()) < 0.01
 
 
-def test_a_region_may_stay_elastic() -> None:
+def test_a_region_may_stay_elastic():
     ball = ball_mesh(2, radius=10.0)
     inner = np.linalg.norm(ball.points[ball.cells].mean(axis=1), axis=1) < 4
     mesh = TetMesh(ball.points, ball.cells, cell_data={REGION: np.where(inner, 4, 1)})
@@ -222,7 +221,7 @@ def test_a_region_may_stay_elastic() -> None:
         prepared(mesh, YIELDS.with_keys(region_relaxation={9: 1.0}))
 
 
-def test_the_bits_are_the_same_for_any_number_of_threads(tmp_path: Path) -> None:
+def test_the_bits_are_the_same_for_any_number_of_threads(tmp_path):
     if numba.config.NUMBA_NUM_THREADS < 2:
         pytest.skip("one processor only")
     ball, ends = ball_mesh(3, radius=10.0), []

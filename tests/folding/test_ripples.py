@@ -43,7 +43,7 @@ def legendre(points: FloatArray, degree: int) -> FloatArray:
 
 
 @pytest.mark.parametrize("degree", [8, 24])
-def test_a_wave_keeps_what_the_filter_lets_through(ball: TetMesh, degree: int) -> None:
+def test_a_wave_keeps_what_the_filter_lets_through(ball, degree):
     length, nodes = 2.0, boundary_nodes(ball)
     found = np.linalg.norm(without_ripples(rippled(ball, degree), length)[nodes], axis=1) - RADIUS
     wave = legendre(ball.points[nodes], degree)[:, 0]
@@ -52,7 +52,7 @@ def test_a_wave_keeps_what_the_filter_lets_through(ball: TetMesh, degree: int) -
     assert kept == pytest.approx(2 * flow - flow**2, abs=0.03)
 
 
-def test_fixed_nodes_stay_and_a_ball_stays_a_ball(ball: TetMesh) -> None:
+def test_fixed_nodes_stay_and_a_ball_stays_a_ball(ball):
     rough = rippled(ball, 32)
     fixed = np.zeros(len(ball.points), bool)
     fixed[boundary_nodes(ball)] = ball.points[boundary_nodes(ball), 0] > 10
@@ -61,7 +61,7 @@ def test_fixed_nodes_stay_and_a_ball_stays_a_ball(ball: TetMesh) -> None:
     assert np.abs(without_ripples(ball, 1.0) - ball.points).max() < 2e-3
 
 
-def test_no_tetrahedron_is_flattened(ball: TetMesh) -> None:
+def test_no_tetrahedron_is_flattened(ball):
     """Dents and spikes of an edge's height."""
     points, nodes = ball.points.copy(), boundary_nodes(ball)
     points[nodes[::40]] *= 1.03
@@ -73,7 +73,7 @@ def test_no_tetrahedron_is_flattened(ball: TetMesh) -> None:
     assert (after >= before / 2).all() and (after < 0.6 * before).any()
 
 
-def test_a_fold_begins_without_ripples_and_its_frames_with_the_users_mesh(ball: TetMesh) -> None:
+def test_a_fold_begins_without_ripples_and_its_frames_with_the_users_mesh(ball):
     rough = rippled(ball, 32)
     settings = Settings(gestational_age=22.0, end=23.0)
     run = prepared(rough, settings)

@@ -82,14 +82,14 @@ def outward(mesh: TetMesh, displacement: FloatArray) -> tuple[float, float]:
     return float(outside), float(interface)
 
 
-def test_a_shell_that_cannot_be_compressed_grows_outward_by_its_volume() -> None:
+def test_a_shell_that_cannot_be_compressed_grows_outward_by_its_volume():
     """Growth g along the shell adds 2 g of its volume, all of it outside of a core that does not give way."""
     outside, interface = exact(0.01, Material(bulk=1e7))
     assert outside == pytest.approx(2 * 0.01 * (OUTER**3 - INNER**3) / (3 * OUTER**2), rel=1e-5)
     assert interface == pytest.approx(0, abs=1e-6)
 
 
-def test_a_ball_whose_shell_grows_moves_as_theory_says(ball: TetMesh) -> None:
+def test_a_ball_whose_shell_grows_moves_as_theory_says(ball):
     """Our pressure is a mean over the elements around a node: what grows is smeared over the interface, by one."""
     outside, interface = exact(GROWTH, Material())
     assert outward(ball, by_cortet(ball, GROWTH)) == (
@@ -99,7 +99,7 @@ def test_a_ball_whose_shell_grows_moves_as_theory_says(ball: TetMesh) -> None:
 
 
 @pytest.mark.skipif(not shutil.which("ccx"), reason="CalculiX (calculix-ccx) is not installed")
-def test_it_does_so_in_calculix(ball: TetMesh, tmp_path: Path) -> None:
+def test_it_does_so_in_calculix(ball, tmp_path):
     CALCULIX["write_job"](ball, tmp_path, GROWTH)
     outside, interface = exact(GROWTH, Material())
     assert outward(ball, CALCULIX["displacement"](ball, tmp_path)) == (
@@ -109,7 +109,7 @@ def test_it_does_so_in_calculix(ball: TetMesh, tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not FENICS["has_dolfinx"](), reason="the Python of the system has no dolfinx (python3-dolfinx)")
-def test_it_does_so_in_dolfinx(ball: TetMesh, tmp_path: Path) -> None:
+def test_it_does_so_in_dolfinx(ball, tmp_path):
     from scipy.spatial import cKDTree
 
     FENICS["write_job"](ball, tmp_path, GROWTH)

@@ -39,7 +39,7 @@ def eigenvalues(material: Material, x: FloatArray, work: Work) -> FloatArray:
 
 
 @pytest.mark.parametrize("flat", [1.0, 0.6])
-def test_the_largest_eigenvalue_is_that_of_the_whole_matrix(flat: float) -> None:
+def test_the_largest_eigenvalue_is_that_of_the_whole_matrix(flat):
     mesh, material = cube_mesh(2, jitter=0.2), Material()
     _, work = body_and_work(mesh)
     x = mesh.points * [1, 1, flat]
@@ -51,7 +51,7 @@ def test_the_largest_eigenvalue_is_that_of_the_whole_matrix(flat: float) -> None
     assert NEXT < FIRST
 
 
-def test_steps_of_this_length_keep_the_energy_and_longer_ones_do_not() -> None:
+def test_steps_of_this_length_keep_the_energy_and_longer_ones_do_not():
     mesh, material = ball_mesh(2), Material(damping=0.0)
     body, work = body_and_work(mesh)
     nothing_touches = contact_of(mesh.points, boundary_faces(mesh), bulk=0.0)._replace(radius=np.inf)
@@ -80,7 +80,7 @@ def pressed(n: int, depth: float, volumes: FloatArray | None) -> tuple[TetMesh, 
 
 
 @pytest.mark.parametrize("weighted", [False, True])
-def test_contacts_have_no_larger_eigenvalue_than_is_estimated(weighted: bool) -> None:
+def test_contacts_have_no_larger_eigenvalue_than_is_estimated(weighted):
     mesh, _ = pressed(3, 0.0, None)
     (_, work), material = body_and_work(mesh), Material()
     elastic_forces(material, mesh.points, work, NOTHING, 0.0)

@@ -11,12 +11,12 @@ from cortet.geometry.defects import defective_vertices
 from cortet.geometry.topology import boundary_faces
 
 
-def test_a_closed_manifold_has_none() -> None:
+def test_a_closed_manifold_has_none():
     assert len(defective_vertices(ball_surface(3).faces)) == 0
     assert len(defective_vertices(boundary_faces(cube_mesh(3)))) == 0
 
 
-def test_the_rim_of_a_hole_is_found() -> None:
+def test_the_rim_of_a_hole_is_found():
     sphere = ball_surface(2)
     assert defective_vertices(sphere.faces[1:]).tolist() == sorted(sphere.faces[0].tolist())
 
@@ -29,6 +29,6 @@ def test_the_rim_of_a_hole_is_found() -> None:
         ((3, 0, 0), []),
     ],
 )
-def test_what_two_cubes_have_in_common_is_found(shift, found) -> None:
+def test_what_two_cubes_have_in_common_is_found(shift, found):
     mesh = touching(cube_mesh(2), *shift)
     assert mesh.points[defective_vertices(boundary_faces(mesh))].tolist() == found

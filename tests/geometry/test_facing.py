@@ -21,7 +21,7 @@ def roofs(gap: float, turn: float = 90.0) -> TriSurface:
 
 @pytest.mark.parametrize("turn", [90.0, 30.0])
 @pytest.mark.parametrize("gap", [1e-9, 0.2])
-def test_edges_that_cross_over_each_other_are_as_far_apart_as_their_lines(gap: float, turn: float) -> None:
+def test_edges_that_cross_over_each_other_are_as_far_apart_as_their_lines(gap, turn):
     found = facing(roofs(gap, turn), 0.5)
     nearest = found.distances.argmin()
     assert found.distances[nearest] == pytest.approx(gap, rel=1e-6)
@@ -29,7 +29,7 @@ def test_edges_that_cross_over_each_other_are_as_far_apart_as_their_lines(gap: f
     assert (nearest < 4) != (found.others[nearest] < 4)
 
 
-def test_triangles_out_of_reach_and_the_inside_of_a_thin_plate_do_not_count() -> None:
+def test_triangles_out_of_reach_and_the_inside_of_a_thin_plate_do_not_count():
     assert np.isinf(facing(roofs(0.2), 0.1).distances).all()
     ball = ball_surface(3, radius=5.0)
     plate = TriSurface(ball.points * [1, 1, 1e-3], ball.faces)

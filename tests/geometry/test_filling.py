@@ -38,7 +38,7 @@ def counts(mesh: TetMesh) -> dict[str, int]:
     return {flaw.id: flaw.count for flaw in flaws(mesh) if flaw.count}
 
 
-def test_sound_meshes_have_no_flaw() -> None:
+def test_sound_meshes_have_no_flaw():
     ball = ball_mesh()
     apart = TetMesh(
         np.concatenate([ball.points, ball.points + 3]), np.concatenate([ball.cells, ball.cells + len(ball.points)])
@@ -48,7 +48,7 @@ def test_sound_meshes_have_no_flaw() -> None:
     assert counts(with_swapped_nodes(CUBE.mesh)) == {}, "an element listed the wrong way round overlaps nothing"
 
 
-def test_a_void_that_elements_listed_twice_make_up_for_is_found() -> None:
+def test_a_void_that_elements_listed_twice_make_up_for_is_found():
     """All other checks of the certificate are green: this is the mesh that was certified."""
     wrong = with_hidden_void(CUBE.mesh)
     boundary, _ = boundary_surface(wrong)
@@ -61,7 +61,7 @@ def test_a_void_that_elements_listed_twice_make_up_for_is_found() -> None:
     assert failed == set(counts(wrong)) and {TWICE, OVERFULL, FOLDED} <= failed
 
 
-def test_each_flaw_has_its_name_its_count_and_its_place() -> None:
+def test_each_flaw_has_its_name_its_count_and_its_place():
     mesh = CUBE.mesh
     assert counts(with_void(mesh)) == {VOIDS: 1}
     (place,) = (flaw.places[0] for flaw in flaws(with_void(mesh)) if flaw.count)
@@ -75,7 +75,7 @@ def test_each_flaw_has_its_name_its_count_and_its_place() -> None:
     assert counts(with_node_through_a_face(mesh)).keys() == {FOLDED}
 
 
-def test_what_is_no_body_is_refused_with_the_file_and_the_place() -> None:
+def test_what_is_no_body_is_refused_with_the_file_and_the_place():
     require_body(CUBE.mesh)
     with pytest.raises(InputError, match="x.vtu: .* twice"):
         require_body(with_listed_twice(CUBE.mesh), "x.vtu")
@@ -83,7 +83,7 @@ def test_what_is_no_body_is_refused_with_the_file_and_the_place() -> None:
         require_body(with_unused_node(CUBE.mesh))
 
 
-def test_many_bodies_are_looked_at_at_once() -> None:
+def test_many_bodies_are_looked_at_at_once():
     """Ten thousand loose tetrahedra, a few of which reach into each other: seconds, not hours."""
     corner = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     places = 3.0 * np.stack(np.meshgrid(*[np.arange(22)] * 3), axis=-1).reshape(-1, 1, 3)[:10000]

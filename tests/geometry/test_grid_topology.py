@@ -27,7 +27,7 @@ def may_join(inside: NDArray[np.bool_], grid: Grid) -> bool:
 
 
 @pytest.mark.parametrize("grid", [CUBES, TETRAHEDRA], ids=["cubes", "tetrahedra"])
-def test_a_point_that_may_join_changes_no_topology(grid: Grid) -> None:
+def test_a_point_that_may_join_changes_no_topology(grid):
     """Components and Euler number of the surface around the points, with the middle one and without."""
     random, joining = np.random.default_rng(0), 0
     for share in (0.2, 0.35, 0.5, 0.65, 0.8):
@@ -46,7 +46,7 @@ def test_a_point_that_may_join_changes_no_topology(grid: Grid) -> None:
 
 
 @pytest.mark.parametrize("grid", [CUBES, TETRAHEDRA], ids=["cubes", "tetrahedra"])
-def test_noise_becomes_a_ball(grid: Grid) -> None:
+def test_noise_becomes_a_ball(grid):
     random = np.random.default_rng(1)
     x, y, z = np.indices((24, 24, 24)) - 11.5
     depth = 8 - np.sqrt(x**2 + y**2 + z**2) + random.normal(0, 1.5, (24, 24, 24))

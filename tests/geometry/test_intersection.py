@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
 from fractions import Fraction
 
 import numpy as np
@@ -98,7 +97,7 @@ def in_a_plane(rng: np.random.Generator) -> np.ndarray:
 
 @pytest.mark.parametrize("place", [scattered, on_a_grid, in_a_plane])
 @pytest.mark.parametrize("vertices", [6, 12])
-def test_agrees_with_exact_brute_force(place: Callable[[np.random.Generator], np.ndarray], vertices: int) -> None:
+def test_agrees_with_exact_brute_force(place, vertices):
     """Six vertices make triangles that share many vertices and edges, twelve few."""
     rng = np.random.default_rng(0)
     crossing = clear = 0
@@ -114,13 +113,13 @@ def test_agrees_with_exact_brute_force(place: Callable[[np.random.Generator], np
     assert crossing > 3 and clear > 3
 
 
-def test_neighbours_in_a_flat_region_do_not_cross() -> None:
+def test_neighbours_in_a_flat_region_do_not_cross():
     """Its ends are fans of triangles in one plane, up to rounding, and face each other across a narrow gap."""
     for gap in (0.3, 0.05, 0.001):
         assert not len(self_intersections(horseshoe(gap)))
 
 
-def test_a_fold_onto_the_neighbour_is_seen_and_a_sharp_one_is_not_a_crossing() -> None:
+def test_a_fold_onto_the_neighbour_is_seen_and_a_sharp_one_is_not_a_crossing():
     faces = [[0, 1, 2], [1, 0, 3]]
 
     def hinge(*apex: float) -> TriSurface:
@@ -135,5 +134,5 @@ def test_a_fold_onto_the_neighbour_is_seen_and_a_sharp_one_is_not_a_crossing() -
     ("name", "crossing"),
     [("defects/macaque_lh.NMT.wm_selfintersecting", 20), ("defects/cow", 82), ("fetal/CRL_STA34_left_white", 0)],
 )
-def test_real_surfaces(name: str, crossing: int) -> None:
+def test_real_surfaces(name, crossing):
     assert len(self_intersections(real_surface(name))) == crossing

@@ -33,7 +33,7 @@ def test_an_edit_of_what_a_kernel_is_made_of_is_another_key(edited, other, tmp_p
     assert (key() != before) == other
 
 
-def test_a_second_clone_compiles_nothing(tmp_path: Path) -> None:
+def test_a_second_clone_compiles_nothing(tmp_path):
     """The same source in another folder finds what the first one compiled; edited, it compiles."""
     source = Path(kernel_cache.__file__).parents[2]
     code = (
@@ -63,7 +63,7 @@ def test_a_second_clone_compiles_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("first", ["import cortet, numba", "import numba, cortet"])
-def test_it_does_not_matter_which_is_imported_first(first: str) -> None:
+def test_it_does_not_matter_which_is_imported_first(first):
     code = f"{first}; from cortet.geometry.counting import cells_around; print(cells_around._cache.cache_path)"
     environment = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA_CACHE")}
     command = [sys.executable, "-c", code]
@@ -71,7 +71,7 @@ def test_it_does_not_matter_which_is_imported_first(first: str) -> None:
     assert Path(done.stdout.strip()).parent == kernel_cache.cache_folder()
 
 
-def test_without_a_place_for_caches_a_temporary_one_is_used_and_said(tmp_path: Path) -> None:
+def test_without_a_place_for_caches_a_temporary_one_is_used_and_said(tmp_path):
     """As with a home that cannot be written to; jobs of the process inherit the place."""
     code = "import os; from cortet.geometry.kernel_cache import cache_folder; print(cache_folder(), cache_folder(), "
     code += "os.environ['XDG_CACHE_HOME'])"

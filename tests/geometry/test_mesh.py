@@ -1,7 +1,6 @@
 """What a mesh and a surface promise: read-only arrays of the right shape and type, and indices of what there is."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ MESH, SURFACE = ball_mesh(1), ball_surface(1)
 
 
 @pytest.mark.parametrize("values", [np.zeros(3), np.zeros((3, 2)), np.float64(1)])
-def test_a_field_has_one_value_per_node_or_cell(values) -> None:
+def test_a_field_has_one_value_per_node_or_cell(values):
     for make, of in (
         (lambda: TetMesh(MESH.points, MESH.cells, {"thickness": values}), "nodes"),
         (lambda: TetMesh(MESH.points, MESH.cells, {}, {"thickness": values}), "cells"),
@@ -28,7 +27,7 @@ def test_a_field_has_one_value_per_node_or_cell(values) -> None:
             make()
 
 
-def test_fields_are_read_only_and_those_of_the_caller_are_not() -> None:
+def test_fields_are_read_only_and_those_of_the_caller_are_not():
     thickness = np.arange(len(MESH.points), dtype=float)
     mesh = TetMesh(MESH.points, MESH.cells, {"thickness": thickness})
     with pytest.raises(ValueError, match="read-only"):
@@ -43,7 +42,7 @@ LAST = len(MESH.points) - 1
 @pytest.mark.parametrize(
     ("index", "shown"), [(-1, "-1"), (LAST + 1, f"{LAST + 1}"), (2**32, "4294967296"), (2**63, "9223372036854775808")]
 )
-def test_an_index_of_no_point_is_refused_with_element_and_range(index: int, shown: str) -> None:
+def test_an_index_of_no_point_is_refused_with_element_and_range(index, shown):
     kind = np.uint64 if index >= 2**63 else np.int64
     cells, faces = MESH.cells.astype(kind), SURFACE.faces.astype(kind)
     cells[7, 2], faces[5, 1] = index, index
@@ -68,7 +67,7 @@ def test_an_index_of_no_point_is_refused_with_element_and_range(index: int, show
         (MESH.points[:, :2], MESH.cells, r"\(n, 3\)"),
     ],
 )
-def test_what_is_no_array_of_points_or_cells_is_refused(points, cells, word: str) -> None:
+def test_what_is_no_array_of_points_or_cells_is_refused(points, cells, word):
     with pytest.raises(InputError, match=word):
         TetMesh(points, cells)
 
@@ -82,7 +81,7 @@ def test_what_is_no_array_of_points_or_cells_is_refused(points, cells, word: str
         ("cells", [0.5], "float64"),
     ],
 )
-def test_a_set_names_what_there_is(kind: str, members, word: str) -> None:
+def test_a_set_names_what_there_is(kind, members, word):
     with pytest.raises(InputError, match=word):
         replace(MESH, sets=MeshSets(**{kind: {"x": np.array(members)}}))
 
@@ -91,7 +90,7 @@ EMPTY = TetMesh(MESH.points, np.zeros((0, 4), np.int32))
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_numbers_that_are_none_and_nothing_at_all_are_not_measured(bad: float, tmp_path: Path) -> None:
+def test_numbers_that_are_none_and_nothing_at_all_are_not_measured(bad, tmp_path):
     points = MESH.points.copy()
     points[3, 1] = bad
     for mesh, word in ((TetMesh(points, MESH.cells), "number 3"), (EMPTY, "no tetrahedra")):

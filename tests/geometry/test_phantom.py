@@ -33,28 +33,28 @@ def hull_depths(surface: TriSurface) -> FloatArray:
 
 
 @pytest.mark.parametrize(("weeks", "volume", "area"), REAL)
-def test_size_is_that_of_a_real_hemisphere(weeks: float, volume: float, area: float) -> None:
+def test_size_is_that_of_a_real_hemisphere(weeks, volume, area):
     _, report = gate(standard(weeks), source="phantom")
     assert report.volume_ml == pytest.approx(volume, rel=0.01)
     assert report.area_mm2 == pytest.approx(area, rel=0.05)
 
 
 @pytest.mark.parametrize(("weeks", "subdivisions", "seed"), [(21, 3, 0), (38, 4, 3)])
-def test_every_phantom_passes_the_gate_as_it_is(weeks: float, subdivisions: int, seed: int) -> None:
+def test_every_phantom_passes_the_gate_as_it_is(weeks, subdivisions, seed):
     surface = phantom(weeks, subdivisions=subdivisions, seed=seed)
     assert len(surface.points) == 10 * 4**subdivisions + 2
     _, report = gate(surface, source="phantom")
     assert report.genus == report.faces_reoriented == report.crossing_faces_repaired == 0
 
 
-def test_left_and_right_are_mirror_images_beside_the_midline() -> None:
+def test_left_and_right_are_mirror_images_beside_the_midline():
     left, right = (phantom(27, hemisphere=side, subdivisions=3) for side in "LR")
     assert left.points[:, 0].max() < 0 < right.points[:, 0].min()
     assert np.array_equal(left.points * [-1, 1, 1], right.points)
     assert np.array_equal(left.faces[:, ::-1], right.faces)
 
 
-def test_sulci_appear_and_deepen_with_age() -> None:
+def test_sulci_appear_and_deepen_with_age():
     surfaces = [standard(weeks) for weeks in (22, 25, 30, 34)]
     depths = [np.percentile(hull_depths(surface), 75) for surface in surfaces]
     assert all(late > 1.3 * early for early, late in pairwise(depths)), depths
@@ -64,7 +64,7 @@ def test_sulci_appear_and_deepen_with_age() -> None:
     assert gyrification[0] < 1.1 and gyrification[-1] > 1.25
 
 
-def test_another_seed_makes_another_brain() -> None:
+def test_another_seed_makes_another_brain():
     one, other = (phantom(31, subdivisions=3, seed=seed) for seed in (3, 4))
     assert np.array_equal(single_precision(one).points, one.points)
     assert np.linalg.norm(one.points - other.points, axis=1).mean() > 0.3
@@ -80,6 +80,6 @@ def test_another_seed_makes_another_brain() -> None:
         (28, {"seed": -1}, "seed"),
     ],
 )
-def test_what_there_is_no_phantom_of_is_refused(weeks: float, others: dict[str, object], word: str) -> None:
+def test_what_there_is_no_phantom_of_is_refused(weeks, others, word):
     with pytest.raises(InputError, match=word):
         phantom(weeks, **others)

@@ -28,7 +28,7 @@ ASIDE = replace(BALL, points=BALL.points + np.array([3.0, 0, 0]))
 CAVITY = TriSurface(BALL.points * 0.3, BALL.faces[:, ::-1])
 
 
-def test_a_closed_surface_winds_once_around_what_is_inside() -> None:
+def test_a_closed_surface_winds_once_around_what_is_inside():
     places = np.array([[0, 0, 0], [9, 0, 0], [0, 11, 0], [0, 0, 100.0]])
     assert winding_numbers(BALL, places) == pytest.approx([1, 1, 0, 0], abs=0.05)
     twice = joined([BALL, BALL])
@@ -46,7 +46,7 @@ def test_a_closed_surface_winds_once_around_what_is_inside() -> None:
         pytest.param(torus(6.0, 5.5), id="a tunnel"),
     ],
 )
-def test_a_sphere_near_the_given_triangles_comes_out(broken: TriSurface) -> None:
+def test_a_sphere_near_the_given_triangles_comes_out(broken):
     made, volume = rebuilt(broken, SPACING)
     assert surface_topology(made.faces).problems(genus=0) == []
     assert len(self_intersections(made)) == 0
@@ -54,7 +54,7 @@ def test_a_sphere_near_the_given_triangles_comes_out(broken: TriSurface) -> None
     assert distances_to(broken, made)[: len(made.points)].mean() < 0.1 * SPACING
 
 
-def test_a_plane_comes_out_as_it_is() -> None:
+def test_a_plane_comes_out_as_it_is():
     """Linear depths are found where they are, to rounding; the skin is outward."""
     x = np.arange(6.0)
     depth = 2.35 - np.broadcast_to(x[:, None, None], (6, 6, 6))
@@ -64,7 +64,7 @@ def test_a_plane_comes_out_as_it_is() -> None:
     assert (normals[:, 0] > 0).all()
 
 
-def test_repair_makes_a_broken_surface_anew_where_it_is_asked_to() -> None:
+def test_repair_makes_a_broken_surface_anew_where_it_is_asked_to():
     crossing = joined([replace(BALL, faces=BALL.faces[20:]), ASIDE])
     given = replace(crossing, point_data={"depth": crossing.points[:, 2].copy()})
     made, report = repair(given, Repair(method="voxel", spacing=SPACING), source="x")
@@ -78,7 +78,7 @@ def test_repair_makes_a_broken_surface_anew_where_it_is_asked_to() -> None:
         repair(replace(apart, faces=apart.faces[3:]), Repair(method="voxel", spacing=SPACING), source="x")
 
 
-def test_a_grid_that_is_too_fine_or_empty_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_grid_that_is_too_fine_or_empty_is_refused(monkeypatch):
     flat = TriSurface(np.eye(3), np.array([[0, 1, 2]], np.int32))
     with pytest.raises(InputError, match="nothing"):
         rebuilt(flat, 0.2)

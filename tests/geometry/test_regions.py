@@ -309,7 +309,7 @@ def test_fields_of_both_surfaces_are_carried(meshed, interior):
         assert np.abs(mesh.point_data["one"][between] - exact).max() < 0.05
 
 
-def test_an_empty_region_and_swapped_ones_are_not_certified() -> None:
+def test_an_empty_region_and_swapped_ones_are_not_certified():
     good = sound(4)
     wrong = swapped_regions(good)
     none = replace(wrong.mesh, cell_data={REGION: np.ones(len(wrong.mesh.cells), np.int32)})

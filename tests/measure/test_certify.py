@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
 from dataclasses import asdict, replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +18,7 @@ from cortet.errors import InputError
 from cortet.geometry.banks import banks, gaps, slits
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import SCHEMA, Certificate, certify
-from cortet.measure.checks import NAMES, Comparison, checked, remedies, with_cell_size
+from cortet.measure.checks import NAMES, checked, remedies, with_cell_size
 from cortet.meshes import TetMesh, TriSurface
 from cortet.report.case_page import of_check
 
@@ -43,7 +41,7 @@ def failed(certificate: Certificate) -> set[str]:
     return {check.id for check in certificate.checks if not check.passed}
 
 
-def test_a_good_mesh_is_certified_with_every_number_beside_its_limit(mesh: TetMesh, surface: TriSurface) -> None:
+def test_a_good_mesh_is_certified_with_every_number_beside_its_limit(mesh, surface):
     certificate = certify(mesh, surface, case="sub-01_hemi-L")
     assert certificate.certified
     assert certificate.reasons == ()
@@ -59,7 +57,7 @@ def test_a_good_mesh_is_certified_with_every_number_beside_its_limit(mesh: TetMe
     assert certify(mesh, surface, Certify(q_max=np.nextafter(q_max, 1))).certified
 
 
-def test_a_missed_limit_comes_with_number_place_reason_and_remedy(surface: TriSurface) -> None:
+def test_a_missed_limit_comes_with_number_place_reason_and_remedy(surface):
     certificate = certify(cube_mesh(4, side=8.0, jitter=0.3), surface)
     (reason,), worst = certificate.reasons, certificate.worst_elements[0]
     for said in (f"{worst.q:.4g}", "({:.2f}, {:.2f}, {:.2f}) mm".format(*worst.centre_mm), worst.reason, "`clean`"):
@@ -77,9 +75,7 @@ def test_a_missed_limit_comes_with_number_place_reason_and_remedy(surface: TriSu
         (0.0561234, None, None, "0.05612, no limit"),
     ],
 )
-def test_a_number_has_few_digits_but_tells_on_which_side_of_its_limit_it_is(
-    value: float, comparison: Comparison | None, limit: float | None, said: str
-) -> None:
+def test_a_number_has_few_digits_but_tells_on_which_side_of_its_limit_it_is(value, comparison, limit, said):
     check = checked("worst_q", value, comparison, limit)
     assert check.finding == f"worst q {said}"
     assert of_check(asdict(check))["value"] == said.rpartition(", ")[0]
@@ -104,9 +100,7 @@ def with_tunnel(mesh: TetMesh) -> TetMesh:
         (with_tunnel, {"boundary_euler_number"}),
     ],
 )
-def test_each_fault_fails_its_checks(
-    mesh: TetMesh, surface: TriSurface, fault: Callable[[TetMesh], TetMesh], checks: set[str]
-) -> None:
+def test_each_fault_fails_its_checks(mesh, surface, fault, checks):
     certificate = certify(fault(mesh), surface, ANY_SIZE)
     assert failed(certificate) >= checks
     if fault in (with_unused_node, with_tunnel):
@@ -116,7 +110,7 @@ def test_each_fault_fails_its_checks(
         assert "(8.00, 8.00, " in " ".join(certificate.reasons)
 
 
-def test_a_boundary_that_passes_through_itself_is_refused_with_the_place(surface: TriSurface) -> None:
+def test_a_boundary_that_passes_through_itself_is_refused_with_the_place(surface):
     # two towers on one slab, of which the left is bent through the right
     block = cube_mesh(6, side=6.0)
     centre = block.points[block.cells].mean(axis=1)
@@ -131,14 +125,14 @@ def test_a_boundary_that_passes_through_itself_is_refused_with_the_place(surface
     assert 0 < len(certificate.crossings_mm) <= 10
 
 
-def test_a_boundary_off_the_surface_is_refused_unless_there_is_no_limit(mesh: TetMesh, surface: TriSurface) -> None:
+def test_a_boundary_off_the_surface_is_refused_unless_there_is_no_limit(mesh, surface):
     away = replace(mesh, points=mesh.points * 1.01)
     certificate = certify(away, surface, Certify(max_boundary_distance=1e-3))
     assert failed(certificate) == {"node_distance"} and "0.1386 mm" in certificate.reasons[0]
     assert certify(away, surface, ANY_SIZE).certified
 
 
-def test_what_s1_found_wrong_cannot_be_hidden_by_later_stages(mesh: TetMesh, surface: TriSurface) -> None:
+def test_what_s1_found_wrong_cannot_be_hidden_by_later_stages(mesh, surface):
     certificate = certify(mesh, surface, reports={"generate": {"topology_ok": False, "reason": "two banks fused"}})
     assert not certificate.certified
     assert "two banks fused" in certificate.reasons[0]
@@ -152,9 +146,7 @@ def test_what_s1_found_wrong_cannot_be_hidden_by_later_stages(mesh: TetMesh, sur
         (None, "the mesh was made from another surface", "mesher `lattice`"),
     ],
 )
-def test_a_remedy_fits_what_filled_the_surface_and_names_a_cell_size(
-    mesher: str | None, says: str, not_says: str
-) -> None:
+def test_a_remedy_fits_what_filled_the_surface_and_names_a_cell_size(mesher, says, not_says):
     failed, passed = (
         checked("surface_distance", value, "<=", 1.0, remedy=remedies(mesher).loss) for value in (2.0, 0.5)
     )
@@ -164,7 +156,7 @@ def test_a_remedy_fits_what_filled_the_surface_and_names_a_cell_size(
     assert with_cell_size(passed, 1.5) == with_cell_size(passed, None)
 
 
-def test_the_record_is_plain_json_and_the_same_every_time(mesh: TetMesh, surface: TriSurface, tmp_path: Path) -> None:
+def test_the_record_is_plain_json_and_the_same_every_time(mesh, surface, tmp_path):
     source = tmp_path / "x.surf.gii"
     source.write_bytes(b"surface")
     records = [
@@ -184,7 +176,7 @@ SLIT = sound(4)
 
 
 @pytest.mark.parametrize("width", [2e-4, 1e-2])
-def test_a_slit_one_element_deep_is_refused_though_all_nodes_are_on_the_surface(width: float) -> None:
+def test_a_slit_one_element_deep_is_refused_though_all_nodes_are_on_the_surface(width):
     certificate = certify(with_slit(SLIT.mesh, width), SLIT.surface)
     assert failed(certificate) == {"bank_gap"}
     assert certificate.fidelity.nodes_to_surface_mm.max < 1e-9
@@ -194,7 +186,7 @@ def test_a_slit_one_element_deep_is_refused_though_all_nodes_are_on_the_surface(
     assert certify(with_slit(SLIT.mesh, width), SLIT.surface, Certify(min_bank_gap=None)).certified
 
 
-def test_a_gap_that_the_surface_has_is_no_slit() -> None:
+def test_a_gap_that_the_surface_has_is_no_slit():
     """The ends of a horseshoe face each other, nearer than an edge: the surface has that gap, too."""
     narrow = horseshoe(0.3)
     found = banks(narrow, narrow)
@@ -217,7 +209,7 @@ def test_a_gap_that_the_surface_has_is_no_slit() -> None:
         assert hub in narrow.faces[slits(spiked, narrow, 0.03)]
 
 
-def test_centres_of_faces_far_from_the_surface_are_refused(mesh: TetMesh, surface: TriSurface) -> None:
+def test_centres_of_faces_far_from_the_surface_are_refused(mesh, surface):
     moved = TriSurface(surface.points + np.array([0, 0, 0.5]), surface.faces)
     certificate = certify(mesh, moved, Certify(max_boundary_distance=None, max_surface_distance=None), cell_size=0.6)
     assert "face_centre_distance" in failed(certificate)
@@ -225,7 +217,7 @@ def test_centres_of_faces_far_from_the_surface_are_refused(mesh: TetMesh, surfac
     assert certify(mesh, moved, Certify(max_boundary_distance=None)).certified, "the cell size is not known"
 
 
-def test_the_native_surface_is_compared_both_ways_and_checked(mesh: TetMesh, surface: TriSurface) -> None:
+def test_the_native_surface_is_compared_both_ways_and_checked(mesh, surface):
     native = TriSurface(surface.points * 1.05, surface.faces)
     limits = {"max_native_distance": 0.5, "max_mean_native_distance": 0.1, "max_native_area_change": 0.06}
     certificate = certify(mesh, surface, Certify(**limits), native=native, cell_size=1.0)
@@ -240,7 +232,7 @@ def test_the_native_surface_is_compared_both_ways_and_checked(mesh: TetMesh, sur
     assert certify(mesh, surface, unlimited, native=native, cell_size=1.0).certified, "without limits"
 
 
-def test_a_broken_native_surface_is_no_obstacle(mesh: TetMesh, surface: TriSurface) -> None:
+def test_a_broken_native_surface_is_no_obstacle(mesh, surface):
     points, faces = surface.points.copy(), surface.faces[5:].copy()
     points[7] = np.nan
     faces[3] = faces[4]
@@ -251,16 +243,14 @@ def test_a_broken_native_surface_is_no_obstacle(mesh: TetMesh, surface: TriSurfa
 
 
 @pytest.mark.parametrize("limit", [np.inf, np.nan, 0.0, -1.0])
-def test_a_limit_that_is_none_is_an_error_that_names_it(limit: float) -> None:
+def test_a_limit_that_is_none_is_an_error_that_names_it(limit):
     for name in ("q_max", "max_face_distance", "max_boundary_distance"):
         with pytest.raises(ValidationError, match=name):
             Certify(**{name: limit})
 
 
 @pytest.mark.parametrize("size", [1e308, 0.0, np.nan])
-def test_a_cell_size_beyond_its_bounds_or_of_another_unit_is_refused(
-    mesh: TetMesh, surface: TriSurface, size: float
-) -> None:
+def test_a_cell_size_beyond_its_bounds_or_of_another_unit_is_refused(mesh, surface, size):
     with pytest.raises(InputError, match="0.05 to 20"):
         certify(mesh, surface, cell_size=size)
     assert certify(mesh, surface, cell_size=2.0).certified

@@ -12,7 +12,7 @@ from cortet.measure.fidelity import boundary_roughness, fidelity, high_frequency
 from cortet.meshes import TetMesh, TriSurface
 
 
-def test_a_mesh_is_faithful_to_its_own_boundary() -> None:
+def test_a_mesh_is_faithful_to_its_own_boundary():
     mesh = cube_mesh(4, side=10.0)
     surface, _ = boundary_surface(mesh)
     found = fidelity(mesh, surface)
@@ -26,7 +26,7 @@ def test_a_mesh_is_faithful_to_its_own_boundary() -> None:
     assert found.roughness == found.surface_roughness
 
 
-def test_a_cube_beside_a_smaller_and_a_coarser_cube() -> None:
+def test_a_cube_beside_a_smaller_and_a_coarser_cube():
     mesh = cube_mesh(4, side=10.0)
     outer, _ = boundary_surface(mesh)
     inner = TriSurface((outer.points - 5) * 0.8 + 5, outer.faces)  # 1 mm inside every face
@@ -42,7 +42,7 @@ def test_a_cube_beside_a_smaller_and_a_coarser_cube() -> None:
     assert found.nodes_to_nearest_vertex_mm.max == pytest.approx(np.hypot(5, 5))  # centre of a face to its corners
 
 
-def test_face_centres_show_what_a_coarse_boundary_cuts_off() -> None:
+def test_face_centres_show_what_a_coarse_boundary_cuts_off():
     sphere = ball_surface(subdivisions=4, radius=10.0)
     corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) * 10 / np.sqrt(3)
     found = fidelity(TetMesh(corners, [[0, 2, 1, 3]]), sphere)
@@ -53,13 +53,13 @@ def test_face_centres_show_what_a_coarse_boundary_cuts_off() -> None:
     assert found.roughness == pytest.approx(4 / 3 * np.sqrt(3) / np.sqrt(8))
 
 
-def test_the_summary_is_mean_percentile_and_maximum() -> None:
+def test_the_summary_is_mean_percentile_and_maximum():
     found = summary(np.arange(101.0))
     assert (found.mean, found.p95, found.max) == (50.0, 95.0, 100.0)
 
 
 @pytest.mark.parametrize("measure", [boundary_roughness, high_frequency_roughness])
-def test_roughness_is_relative_to_the_edges_and_rises_with_noise(measure) -> None:
+def test_roughness_is_relative_to_the_edges_and_rises_with_noise(measure):
     sphere = ball_surface(subdivisions=4)
     smooth = measure(sphere.points, sphere.faces)
     assert measure(10 * sphere.points, sphere.faces) == pytest.approx(smooth)
@@ -67,7 +67,7 @@ def test_roughness_is_relative_to_the_edges_and_rises_with_noise(measure) -> Non
     assert measure(sphere.points + noise, sphere.faces) > 2 * smooth
 
 
-def test_roughness_of_high_frequency_tells_noise_from_curvature() -> None:
+def test_roughness_of_high_frequency_tells_noise_from_curvature():
     ball = ball_surface(4, 20.0)
     wavy = ball.points * (1 + 0.05 * np.sin(4 * ball.points[:, :1] / 20))
     assert high_frequency_roughness(ball.points, ball.faces) < 0.005

@@ -22,7 +22,7 @@ def pulled(surface: TriSurface, direction: np.ndarray, depth: float, width: floa
     return replace(surface, points=surface.points + depth * np.exp(-((away / width) ** 2))[:, None] * direction)
 
 
-def test_a_filled_pit_and_a_missing_tip_are_told_apart_and_placed() -> None:
+def test_a_filled_pit_and_a_missing_tip_are_told_apart_and_placed():
     assert distances_to(BALL, BALL).max() < 1e-12 and lost_places(BALL, BALL, limit=1e-6) == []
     surface = pulled(pulled(BALL, TOP, -4.0), BOTTOM, 3.0)
     pit, tip = lost_places(BALL, surface, limit=1.0)
@@ -32,7 +32,7 @@ def test_a_filled_pit_and_a_missing_tip_are_told_apart_and_placed() -> None:
     assert 0 < tip.vertices <= pit.vertices < len(surface.points) / 10
 
 
-def test_the_certificate_refuses_a_filled_sulcus_though_every_node_is_on_the_surface() -> None:
+def test_the_certificate_refuses_a_filled_sulcus_though_every_node_is_on_the_surface():
     mesh = ball_mesh(4, radius=10.0)
     boundary, _ = boundary_surface(mesh)
     surface = pulled(boundary, TOP, -4.0)
@@ -48,7 +48,7 @@ def test_the_certificate_refuses_a_filled_sulcus_though_every_node_is_on_the_sur
     assert certify(mesh, boundary, limits, cell_size=2.0).certified
 
 
-def test_a_shrunken_mesh_is_refused_for_its_area_and_volume() -> None:
+def test_a_shrunken_mesh_is_refused_for_its_area_and_volume():
     mesh = ball_mesh(3, radius=9.0)
     checked = certify(mesh, ball_surface(3, radius=10.0), Certify(q_max=0.9999, max_boundary_distance=None))
     area, volume = checked.reasons

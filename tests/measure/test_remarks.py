@@ -1,7 +1,6 @@
 """What a certified mesh says of the surfaces that were changed for it."""
 
 from dataclasses import asdict
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -26,7 +25,7 @@ def told(*, inner: float, outer: float = 14.0) -> tuple[str, ...]:
     return remarks({"separate": asdict(report)}, PARAMETERS)
 
 
-def test_an_inner_surface_that_gave_way_far_is_told_with_the_volume() -> None:
+def test_an_inner_surface_that_gave_way_far_is_told_with_the_volume():
     (sentence,) = told(inner=13.7)
     volume = 4 / 3 * np.pi * (13.7**3 - 13.0**3) / 1000
     between = 4 / 3 * np.pi * (14.0**3 - 13.0**3) / 1000
@@ -36,7 +35,7 @@ def test_an_inner_surface_that_gave_way_far_is_told_with_the_volume() -> None:
     assert told(inner=12.0) == ()
 
 
-def test_a_gap_that_would_make_triangles_cross_is_halved_and_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_gap_that_would_make_triangles_cross_is_halved_and_told(monkeypatch):
     tried = []
 
     def stubborn(surface, container, tree, gaps, gap):  # type: ignore[no-untyped-def]
@@ -55,14 +54,14 @@ def test_a_gap_that_would_make_triangles_cross_is_halved_and_told(monkeypatch: p
         told(inner=13.7)
 
 
-def test_a_repair_is_told_from_half_a_per_cent_of_the_volume_on() -> None:
+def test_a_repair_is_told_from_half_a_per_cent_of_the_volume_on():
     report = {"relative_volume_change": 0.0049, "inner": {"white": {"relative_volume_change": -0.012}}}
     assert remarks({"repair": report}, {}) == ("repair changed the volume of white by -1.2%",)
     assert remarks({}, {}) == ()
 
 
 @pytest.mark.parametrize("inner", [14.0, 13.99])
-def test_an_inner_surface_that_is_the_one_around_it_is_refused_with_both_files(inner: float, tmp_path: Path) -> None:
+def test_an_inner_surface_that_is_the_one_around_it_is_refused_with_both_files(inner, tmp_path):
     """An equal one was certified: all of the region between the two was what had given way."""
     files = [tmp_path / "lh.pial.surf.gii", tmp_path / "lh.white.surf.gii"]
     for file, radius in zip(files, (14.0, inner), strict=True):
@@ -71,7 +70,7 @@ def test_an_inner_surface_that_is_the_one_around_it_is_refused_with_both_files(i
         cortet.mesh(files[0], 2.0, inner={"white": files[1]}, progress=False)
 
 
-def test_the_background_of_a_volume_is_told_with_the_certificate() -> None:
+def test_the_background_of_a_volume_is_told_with_the_certificate():
     """Labels in a ball in the middle, of half the volume."""
     half = np.zeros((40, 40, 40), np.int16)
     half[np.linalg.norm(np.indices(half.shape) - 19.5, axis=0) < 8] = 1

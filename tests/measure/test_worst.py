@@ -23,7 +23,7 @@ def around_an_edge(count: int, radius: float = 1.0, height: float = 1.0) -> TetM
 
 
 @pytest.mark.parametrize("count", [3, 4, 10])
-def test_tetrahedra_around_an_edge_reach_the_bound_and_cannot_pass_it(count: int) -> None:
+def test_tetrahedra_around_an_edge_reach_the_bound_and_cannot_pass_it(count):
     bound = valence_bound(fans(around_an_edge(count)))
     assert bound.interior_q == pytest.approx(opening_bound(360 / count), abs=5e-4)
     assert bound.interior_edges_of_valence_3 == (count == 3)
@@ -32,7 +32,7 @@ def test_tetrahedra_around_an_edge_reach_the_bound_and_cannot_pass_it(count: int
     assert best == pytest.approx(bound.interior_q, abs=1e-4)
 
 
-def test_a_boundary_edge_in_one_tetrahedron_is_bounded_by_its_opening_angle() -> None:
+def test_a_boundary_edge_in_one_tetrahedron_is_bounded_by_its_opening_angle():
     theta = np.radians(140)
     mesh = TetMesh([[0, 0, -0.5], [1, 0, 0], [np.cos(theta), np.sin(theta), 0], [0, 0, 0.5]], [[0, 1, 2, 3]])
     around = fans(mesh)
@@ -43,14 +43,14 @@ def test_a_boundary_edge_in_one_tetrahedron_is_bounded_by_its_opening_angle() ->
     assert quality(mesh.points, mesh.cells)[0] >= bound.q
 
 
-def test_opening_angles_of_a_cube_are_right_angles_at_its_edges_and_straight_on_its_faces() -> None:
+def test_opening_angles_of_a_cube_are_right_angles_at_its_edges_and_straight_on_its_faces():
     around = fans(cube_mesh(3))
     opening = np.round(around.opening[around.on_boundary])
     assert set(opening) == {90.0, 180.0}
     assert (opening == 90).sum() == 12 * 3
 
 
-def test_nothing_depends_on_the_numbering_and_no_mesh_is_better_than_its_bound() -> None:
+def test_nothing_depends_on_the_numbering_and_no_mesh_is_better_than_its_bound():
     mesh = cube_mesh(4, jitter=0.25)
     inner = np.setdiff1d(np.arange(len(mesh.points)), boundary_nodes(mesh))
     order = np.concatenate([boundary_nodes(mesh), inner])  # surface nodes first, as solvers want them
@@ -61,7 +61,7 @@ def test_nothing_depends_on_the_numbering_and_no_mesh_is_better_than_its_bound()
     assert valence_bound(around).q <= quality(mesh.points, mesh.cells).max()
 
 
-def test_a_fan_of_three_is_named_with_its_place_and_reconnection_recommended_unless_it_was_tried() -> None:
+def test_a_fan_of_three_is_named_with_its_place_and_reconnection_recommended_unless_it_was_tried():
     mesh = around_an_edge(3, height=1.4)
     around, q = fans(mesh), quality(mesh.points, mesh.cells)
     first, second = worst_elements(mesh, around, count=2)
@@ -73,7 +73,7 @@ def test_a_fan_of_three_is_named_with_its_place_and_reconnection_recommended_unl
     assert "reconnect" not in worst_elements(mesh, around, stages=["clean", "reconnect"])[0].remedy
 
 
-def test_a_sliver_inside_is_held_by_nothing_and_cleaning_recommended() -> None:
+def test_a_sliver_inside_is_held_by_nothing_and_cleaning_recommended():
     mesh = cube_mesh(4, jitter=0.3)
     worst = worst_elements(mesh, fans(mesh))[0]
     assert worst.bound < worst.q / 2
@@ -81,7 +81,7 @@ def test_a_sliver_inside_is_held_by_nothing_and_cleaning_recommended() -> None:
     assert "clean" in worst.remedy
 
 
-def test_a_thin_blade_is_recognised_by_its_banks() -> None:
+def test_a_thin_blade_is_recognised_by_its_banks():
     cube = cube_mesh(6, side=6.0)
     layer = (cube.points[cube.cells][:, :, 2] <= 1).all(axis=1)  # one cell thick, its diagonals join the two banks
     nodes = np.unique(cube.cells[layer])

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
-from wrong_meshes import COMMANDS, Wrong, findings, sound, wrong_meshes
+from wrong_meshes import COMMANDS, findings, sound, wrong_meshes
 
 MESHES = {wrong.fault: wrong for wrong in (sound(4), *wrong_meshes(4))}
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("wrong", MESHES.values(), ids=MESHES)
-def test_a_fault_is_found(wrong: Wrong, command: str, tmp_path: Path) -> None:
+def test_a_fault_is_found(wrong, command, tmp_path):
     found = findings(wrong, command, tmp_path)
     if wrong.fault == "none" or command in wrong.unseen_by:
         assert found == [], "a command that sees no surface cannot know it: is it blind no more?"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -25,7 +24,7 @@ def installed(mesher: str) -> bool:
 
 
 @pytest.mark.parametrize("mesher", TOOLS)
-def test_a_ball_is_filled(mesher: str) -> None:
+def test_a_ball_is_filled(mesher):
     if not installed(mesher):
         pytest.skip(f"{mesher} is not installed")
     mesh, report = generate(ball_surface(), cell_size=1.0, mesher=mesher)
@@ -36,21 +35,21 @@ def test_a_ball_is_filled(mesher: str) -> None:
 
 
 @pytest.mark.parametrize("mesher", ["tetgen", "gmsh", "netgen"])
-def test_the_same_surface_gives_the_same_mesh(mesher: str) -> None:
+def test_the_same_surface_gives_the_same_mesh(mesher):
     if not installed(mesher):
         pytest.skip(f"{mesher} is not installed")
     (first, cells), (second, again) = (tetrahedra(ball_surface(), mesher, cell_size=1.0) for _ in range(2))
     assert np.array_equal(first, second) and np.array_equal(cells, again)
 
 
-def test_tetgen_keeps_the_boundary_and_makes_slivers_as_published() -> None:
+def test_tetgen_keeps_the_boundary_and_makes_slivers_as_published():
     surface = ball_surface(4)
     mesh, _ = generate(surface, mesher="tetgen", cell_size=1.0)
     assert len(boundary_faces(mesh)) == len(surface.faces)
     assert quality(mesh.points, mesh.cells).max() > 0.85
 
 
-def test_the_surface_is_turned_outward_and_merged() -> None:
+def test_the_surface_is_turned_outward_and_merged():
     ball = ball_surface(1)
     soup = TriSurface(ball.points[ball.faces].reshape(-1, 3), np.arange(3 * len(ball.faces)).reshape(-1, 3)[:, ::-1])
     points, faces = prepared(soup)
@@ -58,7 +57,7 @@ def test_the_surface_is_turned_outward_and_merged() -> None:
     assert enclosed_volume(points, faces) == pytest.approx(enclosed_volume(ball.points, ball.faces))
 
 
-def test_whatever_ends_a_mesher_is_an_error_that_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_whatever_ends_a_mesher_is_an_error_that_says_so(monkeypatch, tmp_path):
     ball = ball_surface(1)
     crossing = TriSurface(np.vstack([ball.points, ball.points + 3]), np.vstack([ball.faces, ball.faces + 42]))
     with pytest.raises(StageError, match="tetgen (failed|crashed)"):
@@ -78,7 +77,7 @@ def test_whatever_ends_a_mesher_is_an_error_that_says_so(monkeypatch: pytest.Mon
         tetrahedra(ball, "tetgen", cell_size=1.0)
 
 
-def test_a_mesh_that_overlaps_itself_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mesh_that_overlaps_itself_is_refused(monkeypatch):
     """As Netgen's on coarse surfaces: turned to positive volumes, two tetrahedra lie on one side of their face."""
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, 1], [0.3, 0.3, 0.5]], float)
     cells = np.array([[0, 1, 2, 3], [0, 1, 2, 4]], np.int32)
@@ -87,7 +86,7 @@ def test_a_mesh_that_overlaps_itself_is_refused(monkeypatch: pytest.MonkeyPatch)
         generate(ball_surface(1), mesher="netgen", cell_size=1.0)
 
 
-def test_on_a_real_surface_tetgen_is_as_bad_as_published() -> None:
+def test_on_a_real_surface_tetgen_is_as_bad_as_published():
     mesh, report = generate(real_surface("fetal/fetomorph_GW25_left"), mesher="tetgen", cell_size=1.0)
     q = quality(mesh.points, mesh.cells)
     assert q.max() > 0.95 and 0.2 < q.mean() < 0.3

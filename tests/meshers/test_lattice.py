@@ -86,7 +86,7 @@ def test_near_smaller_triangles_the_lattice_is_finer():
     assert np.array_equal(plain, nodes_in(ball)), "triangles of one size get the lattice alone"
 
 
-def test_a_seed_turns_the_lattice_and_another_one_otherwise() -> None:
+def test_a_seed_turns_the_lattice_and_another_one_otherwise():
     ball = ball_surface(3)
     usual, turned, other = (
         generate(ball, Generate(seed=seed), cell_size=0.8, mesher="lattice")[0] for seed in (0, 1, 2)

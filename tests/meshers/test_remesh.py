@@ -53,7 +53,7 @@ def test_handles_are_kept_and_unused_vertices_ignored():
 
 
 @pytest.mark.parametrize("surface", [can(200), can(200, rings=30, hub=24.9)])
-def test_fans_of_long_thin_triangles_become_triangles_of_one_size(surface: TriSurface):
+def test_fans_of_long_thin_triangles_become_triangles_of_one_size(surface):
     made = remeshed(surface, 4.0, distance=0.4).surface
     area = face_areas(made.points, made.faces).sum()
     assert area == pytest.approx(2 * np.pi * 25 * (25 + 60), rel=0.01)
@@ -62,7 +62,7 @@ def test_fans_of_long_thin_triangles_become_triangles_of_one_size(surface: TriSu
     assert left_behind(surface, made) <= 0.4
 
 
-def test_remeshing_that_needs_far_too_many_points_is_given_up(monkeypatch: pytest.MonkeyPatch):
+def test_remeshing_that_needs_far_too_many_points_is_given_up(monkeypatch):
     monkeypatch.setattr(_remesh, "MOST_POINTS", (1, 1))
     with pytest.raises(StageError, match="points"):
         remeshed(can(200), 4.0)
@@ -97,7 +97,7 @@ def test_thickness_of_a_ball_is_its_diameter_and_outside_there_is_no_limit():
     assert (thickness(tree, ball.points, normals, 20.0, inside=False) == 20.0).all()
 
 
-def test_a_coarse_surface_and_one_without_end_of_splinters_are_split(monkeypatch: pytest.MonkeyPatch):
+def test_a_coarse_surface_and_one_without_end_of_splinters_are_split(monkeypatch):
     """In the usual order; and by their longest edges where that would make ever more splinters, as of a prism."""
     orders: list[bool] = []
     scanned = done = 0
@@ -130,7 +130,7 @@ SLIT, BLADE = horseshoe(gap=0.3), bowl(thickness=0.5)
 
 
 @pytest.mark.parametrize("surface", [SLIT, BLADE], ids=["a narrow slit", "a thin blade"])
-def test_what_is_thin_stays_with_smaller_triangles_around_it(surface: TriSurface):
+def test_what_is_thin_stays_with_smaller_triangles_around_it(surface):
     (want,) = wanted(surface, 1.25, 0.4)
     made = remesh_apart(surface, [want])[0].surface
     assert not len(self_intersections(made)) and left_behind(surface, made) <= 0.4

@@ -1,7 +1,6 @@
 """Banks of a narrow sulcus must not pass through each other while a mesh is optimised."""
 
 from dataclasses import replace
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -46,7 +45,7 @@ def bank_nodes(mesh: TetMesh) -> IntArray:
     return nodes[(np.abs(mesh.points[nodes, 1]) <= GAP) & (mesh.points[nodes, 0] > 3.5)]
 
 
-def test_sliding_and_swapping_next_to_a_narrow_gap_keep_the_banks_apart(mesh: TetMesh, surface: TriSurface) -> None:
+def test_sliding_and_swapping_next_to_a_narrow_gap_keep_the_banks_apart(mesh, surface):
     kept = np.arange(0, len(mesh.points), 3, dtype=np.int32)
     held, report = clean(mesh, surface, held=kept)
     assert np.array_equal(held.points[kept], mesh.points[kept]) and report.vertices_held >= len(kept)
@@ -57,7 +56,7 @@ def test_sliding_and_swapping_next_to_a_narrow_gap_keep_the_banks_apart(mesh: Te
     assert topology.surface_topology(topology.boundary_faces(swapped)).euler_number == 2
 
 
-def test_vertices_that_cross_are_held_and_the_others_still_move(mesh: TetMesh) -> None:
+def test_vertices_that_cross_are_held_and_the_others_still_move(mesh):
     """Both banks, and a vertex elsewhere, are pushed by a whole gap's width: only the banks end in each other."""
     nodes, banks = topology.boundary_nodes(mesh), bank_nodes(mesh)
     elsewhere = nodes[np.argmin(mesh.points[nodes, 0])]
@@ -81,7 +80,7 @@ def test_vertices_that_cross_are_held_and_the_others_still_move(mesh: TetMesh) -
     assert len(crossing_faces(undone)) == 0 < len(held), "what crosses whatever is held stays undone"
 
 
-def test_banks_that_almost_close_their_gap_are_held_though_nothing_crosses(mesh: TetMesh, surface: TriSurface) -> None:
+def test_banks_that_almost_close_their_gap_are_held_though_nothing_crosses(mesh, surface):
     banks, numbered = bank_nodes(mesh), replace(mesh, point_data={"number": np.arange(len(mesh.points))})
 
     def close(start: TetMesh, held: IntArray) -> tuple[TetMesh, None]:
@@ -99,13 +98,13 @@ def test_banks_that_almost_close_their_gap_are_held_though_nothing_crosses(mesh:
     assert not flaws_since(closed, surface, 1.2)(closed).met.size  # what is there from the beginning does not count
 
 
-def test_one_vertex_of_a_place_that_is_left_behind_is_held_at_a_time() -> None:
+def test_one_vertex_of_a_place_that_is_left_behind_is_held_at_a_time():
     flaws = Flaws(np.zeros((0, 3), np.int32), np.array([[5, 3, 9], [3, 5, 7]], np.int32))
     assert flaws and flaws.to_hold(np.zeros(0, np.int32)).tolist() == [3, 5]
     assert flaws.to_hold(np.array([3, 5], np.int32)).tolist() == [7, 9]
 
 
-def test_a_crest_that_vertices_slide_away_from_is_held_by_the_vertex_that_covered_it(mesh: TetMesh) -> None:
+def test_a_crest_that_vertices_slide_away_from_is_held_by_the_vertex_that_covered_it(mesh):
     """The top of the ring sinks by half a cell: the vertex nearest to it is told."""
     surface = topology.boundary_surface(mesh)[0]
     top = int(topology.boundary_nodes(mesh)[np.argmax(surface.points[:, 2])])
@@ -119,9 +118,7 @@ def test_a_crest_that_vertices_slide_away_from_is_held_by_the_vertex_that_covere
 
 
 @pytest.mark.parametrize("stage", [snap_stage, smoothing_stage])
-def test_cleaning_in_between_leaves_what_a_stage_holds(
-    stage: ModuleType, mesh: TetMesh, surface: TriSurface, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_cleaning_in_between_leaves_what_a_stage_holds(stage, mesh, surface, monkeypatch):
     """A retry that let its cleaning move what crossed would be futile."""
     held_by_stage, held_in_clean = np.array([1, 5, 8], np.int32), []
 

@@ -41,7 +41,7 @@ def test_a_vertex_halves_a_long_edge_in_its_middle():
 
 
 @pytest.mark.parametrize("height", [1e-170, 0.0, -1.0])
-def test_a_tetrahedron_whose_squared_volume_is_zero_is_infinitely_bad(height: float):
+def test_a_tetrahedron_whose_squared_volume_is_zero_is_infinitely_bad(height):
     row = np.zeros(8)
     fill_row(row, *[1.0, 0, 0], *[0, 0, height], *[0, 1.0, 0])
     assert row_mu2(-row * [1, 1, 1, 1, 0, 0, 0, 0] + row * [0, 0, 0, 0, 1, 1, 1, 1], 0.0, 0.0, 0.0) == np.inf

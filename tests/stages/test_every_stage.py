@@ -9,7 +9,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 from pydantic import ValidationError
-from test_versions import RESULTS, Example
+from test_versions import RESULTS
 
 from cortet.config import Config
 from cortet.errors import CortetError
@@ -31,12 +31,12 @@ def bits(of: TriSurface | TetMesh) -> list[bytes]:
     return [array.tobytes() for array in arrays(of)]
 
 
-def test_every_stage_has_an_example() -> None:
+def test_every_stage_has_an_example():
     assert {name.split()[0] for name in EXAMPLES} | {"separate"} == STAGES.keys()
 
 
 @pytest.mark.parametrize("example", EXAMPLES.values(), ids=EXAMPLES)
-def test_a_stage_is_a_function_of_its_input_which_it_leaves_alone(example: Example) -> None:
+def test_a_stage_is_a_function_of_its_input_which_it_leaves_alone(example):
     given = example.given()
     before = [bits(one) for one in given]
     for one in given:
@@ -50,7 +50,7 @@ def test_a_stage_is_a_function_of_its_input_which_it_leaves_alone(example: Examp
 
 
 @pytest.mark.parametrize("name", OPTIMISERS)
-def test_a_stage_refuses_inverted_tetrahedra(name: str) -> None:
+def test_a_stage_refuses_inverted_tetrahedra(name):
     mesh, *others = EXAMPLES[name].given()
     inverted = replace(mesh, cells=mesh.cells[:, [1, 0, 2, 3]])
     with pytest.raises(CortetError):
@@ -66,7 +66,7 @@ def test_a_stage_refuses_inverted_tetrahedra(name: str) -> None:
         if name != "solver_ready" and key not in ("template", "size_field", "affine")  # any word may be a file's name
     ],
 )
-def test_a_key_of_a_stage_refuses_nonsense(stage: str, key: str) -> None:
+def test_a_key_of_a_stage_refuses_nonsense(stage, key):
     section = type(STAGES[stage].section_of(Config()))
     for nonsense in ("nonsense", float("nan"), -1):
         with pytest.raises(ValidationError, match=key):

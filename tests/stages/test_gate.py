@@ -35,7 +35,7 @@ def dented(depth: float) -> TriSurface:
     return replace(surface, points=points)
 
 
-def test_a_good_surface_passes_untouched() -> None:
+def test_a_good_surface_passes_untouched():
     surface = hemisphere()
     passed, report = gate(surface, source="a.surf.gii")
     assert np.array_equal(passed.points, surface.points)
@@ -47,7 +47,7 @@ def test_a_good_surface_passes_untouched() -> None:
     assert report.faces_reoriented == report.unused_vertices_dropped == report.crossing_faces_repaired == 0
 
 
-def test_triangles_are_turned_outward_and_unused_vertices_dropped_with_their_values() -> None:
+def test_triangles_are_turned_outward_and_unused_vertices_dropped_with_their_values():
     surface = hemisphere()
     inward = np.random.default_rng(1).random(len(surface.faces)) < 0.3
     faces = np.where(inward[:, None], surface.faces[:, ::-1], surface.faces) + 1
@@ -63,7 +63,7 @@ def test_triangles_are_turned_outward_and_unused_vertices_dropped_with_their_val
     assert gate(all_inward, source="x")[1].faces_reoriented == len(surface.faces)
 
 
-def test_a_few_crossing_triangles_are_pulled_apart_locally() -> None:
+def test_a_few_crossing_triangles_are_pulled_apart_locally():
     surface = trimesh.creation.icosphere(subdivisions=5, radius=20.0)
     points = surface.vertices.copy()
     vertex, neighbour = surface.edges[1000]
@@ -145,13 +145,13 @@ ASIDE = replace(BALL, points=BALL.points + np.array([60, 0, 0]))
         *((with_coordinate(value), "damaged") for value in (1e308, 1e12, np.nan, np.inf)),
     ],
 )
-def test_anything_else_is_refused_with_the_file_and_a_remedy(surface: TriSurface, word: str) -> None:
+def test_anything_else_is_refused_with_the_file_and_a_remedy(surface, word):
     with pytest.raises(InputError, match=word) as caught:
         gate(surface, source="bad.surf.gii")
     assert "bad.surf.gii: " in str(caught.value) and caught.value.remedy
 
 
-def test_handles_pass_for_those_who_know() -> None:
+def test_handles_pass_for_those_who_know():
     assert gate(TORUS, Gate(allow_genus=1), source="x")[1].genus == 1
 
 
@@ -164,13 +164,13 @@ def test_handles_pass_for_those_who_know() -> None:
         ("neonatal/ico6_smooth_voxel_units", "221.3 mm"),
     ],
 )
-def test_real_defects_are_refused(name: str, word: str) -> None:
+def test_real_defects_are_refused(name, word):
     surface = real_surface(name)
     with pytest.raises(InputError, match=word):
         gate(surface, source=name)
 
 
-def test_a_real_surface_with_crossing_triangles_is_mended() -> None:
+def test_a_real_surface_with_crossing_triangles_is_mended():
     passed, report = gate(real_surface("defects/macaque_lh.NMT.wm_selfintersecting"), source="x")
     assert not len(self_intersections(passed))
     assert report.crossing_faces_repaired == 20

@@ -197,7 +197,7 @@ def test_a_closed_surface_is_meshed_whichever_way_it_is_turned_and_keeps_its_han
     assert is_sound(mesh) and np.abs(mesh.points).max() < 5.01
 
 
-def test_a_seed_makes_another_mesh_of_the_same_surface_with_cgal_too() -> None:
+def test_a_seed_makes_another_mesh_of_the_same_surface_with_cgal_too():
     ball = ball_surface(3)
     usual, turned = (
         generate(ball, Generate(backend="cgal", seed=seed, **REFINEMENT_ONLY), cell_size=1.5, mesher="cgal")[0]

@@ -55,7 +55,7 @@ def made(ball: TriSurface, file: Path) -> tuple[TetMesh, Certificate, list[str]]
     return mesh, certificate, seen
 
 
-def test_the_line_has_the_stages_that_the_configuration_enables() -> None:
+def test_the_line_has_the_stages_that_the_configuration_enables():
     line = ["repair", "gate", "smooth_surface", "generate", "transfer", "clean", "reconnect", "solver_ready"]
     assert stages(Config(), gestational_age=28.0) == line
     assert stages(load({"setting": "cgal"}), gestational_age=28.0) == [*line[:5], "relocate", *line[5:]]
@@ -68,9 +68,7 @@ def test_the_line_has_the_stages_that_the_configuration_enables() -> None:
     assert stages(snapping, gestational_age=None)[4:] == ["transfer", "reconnect", "snap", "solver_ready"]
 
 
-def test_the_mesh_is_certified_faithful_and_says_how_it_was_made(
-    made: tuple[TetMesh, Certificate, list[str]], ball: TriSurface, file: Path
-) -> None:
+def test_the_mesh_is_certified_faithful_and_says_how_it_was_made(made, ball, file):
     mesh, certificate, seen = made
     assert certificate.certified, certificate.reasons
     assert seen == stages(load(FAST), gestational_age=None)
@@ -84,14 +82,12 @@ def test_the_mesh_is_certified_faithful_and_says_how_it_was_made(
     assert certificate.input == {"file": str(file), "sha256": hashlib.sha256(file.read_bytes()).hexdigest()}
 
 
-def test_a_surface_that_is_not_smoothed_for_want_of_an_age_is_told(
-    ball: TriSurface, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_surface_that_is_not_smoothed_for_want_of_an_age_is_told(ball, caplog):
     next(run(ball, load({**FAST, "smooth_surface": {"method": "published"}})))
     assert "not smoothed" in caplog.text
 
 
-def test_the_gate_stops_an_open_surface(ball: TriSurface) -> None:
+def test_the_gate_stops_an_open_surface(ball):
     opened = TriSurface(ball.points, ball.faces[1:])
     with pytest.raises(InputError, match="open edges"):
         next(run(opened, load({**FAST, "repair": {"enabled": False}})))
@@ -99,7 +95,7 @@ def test_the_gate_stops_an_open_surface(ball: TriSurface) -> None:
     assert (first.stage, first.report["repaired"]) == ("repair", True)
 
 
-def test_a_surface_with_a_sphere_is_put_onto_the_common_mesh_first(ball: TriSurface) -> None:
+def test_a_surface_with_a_sphere_is_put_onto_the_common_mesh_first(ball):
     inside = ball_surface(subdivisions=4, radius=9.0)
     config = load({**FAST, "resample": {"subdivisions": 5}})
     line = run(nested(ball, {"white": inside}), config, sphere=ball, sphere_source="ball.sphere.gii")
@@ -112,7 +108,7 @@ def test_a_surface_with_a_sphere_is_put_onto_the_common_mesh_first(ball: TriSurf
     assert next(run(ball, off, sphere=ball)).stage == "repair" == next(run(ball, config)).stage
 
 
-def test_inner_surfaces_are_repaired_too(ball: TriSurface) -> None:
+def test_inner_surfaces_are_repaired_too(ball):
     inside = TriSurface(0.7 * ball.points, ball.faces[3:])
     outside = TriSurface(ball.points, ball.faces[3:])
     for outer, inner, repaired in ((outside, inside, (True, True)), (ball, inside, (False, True))):
@@ -123,7 +119,7 @@ def test_inner_surfaces_are_repaired_too(ball: TriSurface) -> None:
         assert list(second.surface.inner) == ["white"]
 
 
-def test_the_command_writes_mesh_certificate_picture_and_page(file: Path, config_file: Path, tmp_path: Path) -> None:
+def test_the_command_writes_mesh_certificate_picture_and_page(file, config_file, tmp_path):
     out, drawn = tmp_path / "out.vtu", tmp_path / "out.png"
     page = tmp_path / "out.html"
     views = ["--picture", str(drawn), "--page", str(page)]
@@ -136,9 +132,7 @@ def test_the_command_writes_mesh_certificate_picture_and_page(file: Path, config
     assert "<html" in page.read_text(encoding="utf-8")
 
 
-def test_an_uncertified_mesh_is_not_written_and_one_of_an_earlier_run_is_gone(
-    file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_uncertified_mesh_is_not_written_and_one_of_an_earlier_run_is_gone(file, tmp_path, capsys):
     out, config = tmp_path / "out.vtu", tmp_path / "strict.yaml"
     config.write_text(json.dumps(FAST))
     assert main(["mesh", str(file), "-o", str(out), "--config", str(config)]) == 0 and out.exists()
@@ -152,7 +146,7 @@ def test_an_uncertified_mesh_is_not_written_and_one_of_an_earlier_run_is_gone(
 
 
 
-def test_the_native_surface_is_compared_in_mm_whatever_the_unit(ball: TriSurface) -> None:
+def test_the_native_surface_is_compared_in_mm_whatever_the_unit(ball):
     metres = replace(ball, points=ball.points / 1000)
     made = mesh_surface(metres, load({**FAST, "gate": {"unit": "m"}}))
     assert made.certificate.native is not None
@@ -162,7 +156,7 @@ def test_the_native_surface_is_compared_in_mm_whatever_the_unit(ball: TriSurface
     assert "mean_native_distance" in names
 
 
-def test_a_real_surface_of_22_weeks_is_certified() -> None:
+def test_a_real_surface_of_22_weeks_is_certified():
     passes = dict.fromkeys(["odt", "lloyd", "perturb", "exude"], False)  # the later stages mend what these leave out
     config = load({"generate": {"cell_size": 2.5, **passes}})
     certificate = mesh_surface(real_surface("fetal/CRL_STA22_left_white"), config).certificate

@@ -51,7 +51,7 @@ def repaired(surface: TriSurface, **limits: float) -> tuple[TriSurface, RepairRe
 
 
 @pytest.mark.parametrize("surface", [ball(), phantom(34.0, subdivisions=5)])
-def test_a_good_surface_passes_with_the_very_same_arrays(surface: TriSurface) -> None:
+def test_a_good_surface_passes_with_the_very_same_arrays(surface):
     made, report = repair(surface, source="a.surf.gii")
     assert made is surface
     assert not report.repaired
@@ -60,7 +60,7 @@ def test_a_good_surface_passes_with_the_very_same_arrays(surface: TriSurface) ->
     assert report.volume_ml == pytest.approx(enclosed_volume(surface.points, surface.faces) / 1000)
 
 
-def test_the_tip_of_a_cone_and_the_hub_of_a_fan_are_no_spikes() -> None:
+def test_the_tip_of_a_cone_and_the_hub_of_a_fan_are_no_spikes():
     angle = 2 * np.pi * np.arange(200) / 200
     rim = np.column_stack([25 * np.cos(angle), 25 * np.sin(angle), 0 * angle])
     a, b = np.arange(200), np.roll(np.arange(200), -1)
@@ -87,7 +87,7 @@ MENDED = {
 
 
 @pytest.mark.parametrize("breakage", MENDED)
-def test_a_broken_ball_is_a_ball_again(breakage: str) -> None:
+def test_a_broken_ball_is_a_ball_again(breakage):
     good = ball()
     made, report = repaired(breakages.BREAKAGES[breakage](good), max_volume_change=0.03)
     done, distance = MENDED[breakage]
@@ -99,7 +99,7 @@ def test_a_broken_ball_is_a_ball_again(breakage: str) -> None:
     assert abs(report.relative_volume_change) < 0.03
 
 
-def test_many_crossing_triangles_are_pulled_apart() -> None:
+def test_many_crossing_triangles_are_pulled_apart():
     broken = crossed()
     crossing = len(self_intersections(broken))
     assert crossing > 100
@@ -114,7 +114,7 @@ def test_many_crossing_triangles_are_pulled_apart() -> None:
     assert np.linalg.norm(places[:, None] - places[None], axis=2)[np.triu_indices(10, 1)].min() > 5
 
 
-def test_voxels_that_touch_at_edges_and_corners_are_parted() -> None:
+def test_voxels_that_touch_at_edges_and_corners_are_parted():
     """A row of voxels on the ball, every second of which touches it along an edge or in a corner only."""
     stairs = breakages.staircase(ball(), 2.0)
     assert surface_topology(stairs.faces).is_closed_manifold
@@ -132,7 +132,7 @@ def test_voxels_that_touch_at_edges_and_corners_are_parted() -> None:
     assert distances_to(stairs, made).max() < 2.5
 
 
-def test_fields_follow_and_caps_are_labelled() -> None:
+def test_fields_follow_and_caps_are_labelled():
     good = ball()
     height, parcel = good.points[:, 2].copy(), (good.points[:, 0] > 0).astype(np.int32)
     gone = good.points[:, 2] > 17
@@ -199,14 +199,14 @@ def dumbbell() -> TriSurface:
         (TriSurface(np.eye(3), [[0, 1, 2]]), {}, "a.gii: "),
     ],
 )
-def test_what_has_no_single_right_answer_is_refused(surface: TriSurface, limits: dict[str, float], words: str) -> None:
+def test_what_has_no_single_right_answer_is_refused(surface, limits, words):
     with pytest.raises(InputError, match=words) as error:
         repair(surface, Repair(**limits), source="a.gii")
     assert str(error.value).startswith("a.gii: ")
     assert error.value.remedy
 
 
-def test_a_tunnel_is_closed_within_the_limit_and_kept_where_it_is_allowed() -> None:
+def test_a_tunnel_is_closed_within_the_limit_and_kept_where_it_is_allowed():
     made, report = repaired(TORUS, max_loop=45.0, max_volume_change=0.5)
     assert surface_topology(made.faces).genus == 0
     assert "handles cut" in report.steps[0].done
@@ -215,14 +215,14 @@ def test_a_tunnel_is_closed_within_the_limit_and_kept_where_it_is_allowed() -> N
     assert surface_topology(kept.faces).genus == 1
 
 
-def test_a_real_brain_glued_by_doubled_faces_becomes_one_ball() -> None:
+def test_a_real_brain_glued_by_doubled_faces_becomes_one_ball():
     made, report = repaired(real_surface("defects/fetomorph_GW29_asis_nonmanifold"))
     assert report.steps[0].count == 740
     assert report.surface_to_file_mm.max < 1e-5
     assert surface_topology(made.faces).genus == 0
 
 
-def test_banks_of_a_real_sulcus_that_are_joined_or_cross_are_parted() -> None:
+def test_banks_of_a_real_sulcus_that_are_joined_or_cross_are_parted():
     good = gate(real_surface("fetal/fetomorph_GW33_left"), source="x")[0]
     for name, done in (("bridge between banks", "handles cut"), ("50 crossing triangles", "crossing")):
         made, report = repaired(breakages.BREAKAGES[name](good))

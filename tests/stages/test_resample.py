@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from shutil import which
@@ -50,7 +49,7 @@ def native(subdivisions: int) -> tuple[TriSurface, TriSurface]:
     return TriSurface(egg(sphere.points), sphere.faces, fields), replace(sphere, points=7 * sphere.points)
 
 
-def test_the_vertices_of_the_common_mesh_lie_where_the_map_puts_them() -> None:
+def test_the_vertices_of_the_common_mesh_lie_where_the_map_puts_them():
     wanted, errors = egg(icosphere(4).points), []
     for subdivisions in (4, 5):
         made, report = resample(*native(subdivisions), Resample(subdivisions=4))
@@ -62,7 +61,7 @@ def test_the_vertices_of_the_common_mesh_lie_where_the_map_puts_them() -> None:
     assert errors[1] < errors[0] / 3, "linear interpolation: a quarter with edges of half the length"
 
 
-def test_its_own_sphere_gives_the_surface_back() -> None:
+def test_its_own_sphere_gives_the_surface_back():
     sphere = icosphere(4)
     labels = np.arange(len(sphere.points), dtype=np.int32) // 7
     given = TriSurface(egg(sphere.points), sphere.faces, {"label": labels, "x": sphere.points[:, 0]})
@@ -74,7 +73,7 @@ def test_its_own_sphere_gives_the_surface_back() -> None:
     assert report.relative_area_change == pytest.approx(0, abs=1e-6) == report.relative_volume_change
 
 
-def test_a_template_takes_the_place_of_the_icosphere(tmp_path: Path) -> None:
+def test_a_template_takes_the_place_of_the_icosphere(tmp_path):
     write_surface(shifted_sphere(3), tmp_path / "L.sphere.surf.gii")
     config = load({"resample": {"template": str(tmp_path / "{hemi}.sphere.surf.gii")}})
     arguments = arguments_of(config, "resample", {"hemisphere": "L", "sphere_file": "a.surf.gii"})
@@ -84,7 +83,7 @@ def test_a_template_takes_the_place_of_the_icosphere(tmp_path: Path) -> None:
         arguments_of(config, "resample", {"hemisphere": None, "sphere_file": "a.surf.gii"})
 
 
-def test_an_inner_surface_of_other_triangles_stays_as_it_is() -> None:
+def test_an_inner_surface_of_other_triangles_stays_as_it_is():
     (surface, sphere), inner = native(4), TriSurface(5 * icosphere(3).points, icosphere(3).faces)
     same, report = resample(inner, sphere, Resample(subdivisions=4), inside=True)
     assert same is inner and not report.resampled and report.native_to_resampled_mm.max == 0
@@ -108,9 +107,7 @@ def test_an_inner_surface_of_other_triangles_stays_as_it_is() -> None:
     ],
     ids=["of another surface", "not round", "half of it", "open", "without coordinates"],
 )
-def test_what_is_no_sphere_of_the_surface_is_refused(
-    change: Callable[[TriSurface, TriSurface], tuple[TriSurface, TriSurface]], word: str, tmp_path: Path
-) -> None:
+def test_what_is_no_sphere_of_the_surface_is_refused(change, word, tmp_path):
     with pytest.raises(InputError, match=word):
         resample(*change(*native(3)), Resample(subdivisions=3), sphere_file="lh.sphere")
     write_surface(native(3)[0], tmp_path / "egg.surf.gii")
@@ -138,7 +135,7 @@ def gifti_array(values: NDArray[Any], path: Path) -> Path:
 
 @pytest.mark.skipif(not which("wb_command"), reason="Connectome Workbench is not installed")
 @pytest.mark.parametrize("subdivisions", [3, 5])
-def test_workbench_finds_the_same(subdivisions: int, tmp_path: Path) -> None:
+def test_workbench_finds_the_same(subdivisions, tmp_path):
     """Onto fewer vertices than the surface has, and onto more."""
     surface, sphere = native(4)
     made, _ = resample(surface, sphere, Resample(subdivisions=subdivisions))

@@ -48,11 +48,11 @@ def rough_ball() -> TriSurface:
         (34.0, (0, 1, 3)),
     ],
 )
-def test_age_decides_what_is_tried(age: float, iterations: tuple[int, ...]) -> None:
+def test_age_decides_what_is_tried(age, iterations):
     assert candidate_iterations(age) == iterations
 
 
-def test_most_roughness_within_the_limits_is_removed() -> None:
+def test_most_roughness_within_the_limits_is_removed():
     surface = rough_ball()
     smooth, report = smooth_surface(surface, PUBLISHED, gestational_age=30.0)
     assert [c.iterations for c in report.candidates] == [0, 2, 4, 10]
@@ -69,7 +69,7 @@ def test_most_roughness_within_the_limits_is_removed() -> None:
 
 
 @pytest.mark.parametrize(("limit", "chosen"), [({"max_area_change": 0.018}, 2), ({"max_displacement": 1e-6}, 0)])
-def test_the_last_candidate_within_all_limits_is_chosen_or_the_surface_stays(limit, chosen) -> None:
+def test_the_last_candidate_within_all_limits_is_chosen_or_the_surface_stays(limit, chosen):
     surface = rough_ball()
     smooth, report = smooth_surface(surface, PUBLISHED.model_copy(update=limit), gestational_age=30.0)
     assert report.chosen_iterations == chosen
@@ -77,7 +77,7 @@ def test_the_last_candidate_within_all_limits_is_chosen_or_the_surface_stays(lim
     assert np.array_equal(smooth.points, surface.points) == (chosen == 0)
 
 
-def test_a_candidate_that_crosses_itself_is_not_chosen() -> None:
+def test_a_candidate_that_crosses_itself_is_not_chosen():
     """Of two nested balls the outer, coarser one shrinks faster."""
     outer, inner = ball_surface(2, 10.0), ball_surface(3, 9.4)
     faces = np.concatenate([outer.faces, inner.faces[:, ::-1] + len(outer.points)])
@@ -99,7 +99,7 @@ def off_the_sphere(surface: TriSurface, radius: float = 10.0) -> float:
     return float(np.abs(np.linalg.norm(surface.points, axis=1) - radius).mean())
 
 
-def test_stair_steps_are_removed_without_shrinking() -> None:
+def test_stair_steps_are_removed_without_shrinking():
     surface = stairs()
     smooth, report = smooth_surface(surface)
     chosen = next(c for c in report.candidates if c.iterations == report.chosen_iterations)
@@ -115,7 +115,7 @@ def test_stair_steps_are_removed_without_shrinking() -> None:
     assert off_the_sphere(smooth) < off_the_sphere(by_age)
 
 
-def test_a_smooth_surface_is_not_touched_at_any_age() -> None:
+def test_a_smooth_surface_is_not_touched_at_any_age():
     ball = ball_surface(4, 20.0)
     for age in (None, 21.0, 40.0):
         smooth, report = smooth_surface(ball, gestational_age=age)
@@ -130,9 +130,7 @@ def test_a_smooth_surface_is_not_touched_at_any_age() -> None:
         ({"max_displacement": 0.001}, "vertices"),
     ],
 )
-def test_the_limits_hold_and_the_log_says_that_the_surface_stays_rough(
-    limits: dict[str, float], words: str, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_the_limits_hold_and_the_log_says_that_the_surface_stays_rough(limits, words, caplog):
     caplog.set_level("INFO")
     surface = stairs()
     smooth, report = smooth_surface(surface, SmoothSurface(**limits))
@@ -141,12 +139,12 @@ def test_the_limits_hold_and_the_log_says_that_the_surface_stays_rough(
     assert "stays rough" in caplog.text
 
 
-def test_the_published_method_needs_an_age() -> None:
+def test_the_published_method_needs_an_age():
     with pytest.raises(InputError, match="gestational age"):
         smooth_surface(ball_surface(2), PUBLISHED)
 
 
-def test_folds_that_large_triangles_hardly_follow_are_left_alone(caplog: pytest.LogCaptureFixture) -> None:
+def test_folds_that_large_triangles_hardly_follow_are_left_alone(caplog):
     """They are as rough as stair steps; any smoothing would move them by more than the limit."""
     coarse = phantom(34.0, subdivisions=4)
     smooth, report = smooth_surface(coarse, gestational_age=34.0)
@@ -155,6 +153,6 @@ def test_folds_that_large_triangles_hardly_follow_are_left_alone(caplog: pytest.
 
 
 @pytest.mark.parametrize("name", ["fetal/CRL_STA28_left_white", "atlas_series/dHCP.week40.L.white"])
-def test_an_atlas_surface_is_not_touched(name: str) -> None:
+def test_an_atlas_surface_is_not_touched(name):
     surface = real_surface(name)
     assert smooth_surface(surface, gestational_age=28.0)[0] is surface

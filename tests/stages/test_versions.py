@@ -168,7 +168,7 @@ def fingerprint(result: TriSurface | TetMesh) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("stage", RESULTS)
-def test_a_stage_gives_what_its_version_gave(stage: str) -> None:
+def test_a_stage_gives_what_its_version_gave(stage):
     golden = json.loads(GOLDEN.read_text())[stage]
     tolerance = TOLERANCE_OF.get(stage, TOLERANCE)
     same = fingerprint(RESULTS[stage].result()) == pytest.approx(golden["fingerprint"], rel=tolerance)
@@ -177,7 +177,7 @@ def test_a_stage_gives_what_its_version_gave(stage: str) -> None:
     assert not raised, f"{stage} has a new VERSION: record its result with python {Path(__file__).name}"
 
 
-def test_a_moved_vertex_and_another_numbering_change_the_fingerprint() -> None:
+def test_a_moved_vertex_and_another_numbering_change_the_fingerprint():
     mesh = ball_mesh()
     moved, swap = mesh.points.copy(), np.arange(len(mesh.points))
     moved[-1] += 0.01

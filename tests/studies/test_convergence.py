@@ -22,7 +22,7 @@ SIZES = [1.6, 1.2, 0.9]
 
 
 @pytest.mark.parametrize("order", [1.0, 3.0])
-def test_the_limit_of_a_known_series_is_found(order: float) -> None:
+def test_the_limit_of_a_known_series_is_found(order):
     values = [1.3 - 0.2 * size**order for size in [3.0, *SIZES]]  # only the last three count
     found = limit([3.0, *SIZES], values, 1e-3)
     assert found is not None
@@ -41,13 +41,11 @@ def test_the_limit_of_a_known_series_is_found(order: float) -> None:
         (SIZES, [1.0, 1.1, None], 0.0),
     ],
 )
-def test_there_is_none_where_nothing_goes_evenly_towards_one(
-    sizes: list[float], values: list[float | None], chance: float
-) -> None:
+def test_there_is_none_where_nothing_goes_evenly_towards_one(sizes, values, chance):
     assert limit(sizes, values, chance) is None
 
 
-def test_a_size_is_small_enough_if_all_smaller_ones_are() -> None:
+def test_a_size_is_small_enough_if_all_smaller_ones_are():
     sizes = [3.0, 2.0, 1.0]
     for values, limit_is, expected in (
         ([0.9, 0.96, 0.98], 1.0, 2.0),
@@ -75,7 +73,7 @@ def runs(offset: float = 0.0) -> list[Run]:
     return found
 
 
-def test_the_table_tells_chance_from_cell_size() -> None:
+def test_the_table_tells_chance_from_cell_size():
     table = convergence_table(runs(0.1))
     assert list(table["cell_size_mm"]) == [*SIZES, 0.0] * 2
     limits = table[table["cell_size_mm"] == 0]
@@ -91,7 +89,7 @@ def test_the_table_tells_chance_from_cell_size() -> None:
     assert "No size tried" in sentence(table)
 
 
-def test_a_run_that_stopped_is_counted_and_not_averaged() -> None:
+def test_a_run_that_stopped_is_counted_and_not_averaged():
     made = runs()
     made[0] = replace(made[0], folded=False, values=dict.fromkeys(QUANTITIES, 9.0))
     first = convergence_table(made).iloc[0]
@@ -100,7 +98,7 @@ def test_a_run_that_stopped_is_counted_and_not_averaged() -> None:
     assert pd.isna(first["correlation_realisations"])
 
 
-def test_a_surface_goes_with_the_mesh() -> None:
+def test_a_surface_goes_with_the_mesh():
     mesh, surface = ball_mesh(3), ball_surface(4, radius=1.02)
     linear = np.array([[1.2, 0.1, 0.0], [0.0, 0.9, 0.2], [0.1, 0.0, 1.1]])
     assert carried(surface.points, mesh, mesh.points) == pytest.approx(surface.points)

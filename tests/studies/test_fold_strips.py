@@ -16,24 +16,24 @@ def wrinkles(thickness: float, stiffness: float) -> Wrinkles:
     return wrinkle(strip(LENGTH, DEPTH, thickness, SPACING), thickness, material_of(stiffness))
 
 
-def test_the_wavelength_of_a_known_wave_is_found() -> None:
+def test_the_wavelength_of_a_known_wave_is_found():
     x = np.linspace(0, LENGTH, 41)
     assert mean_wavelength(3 + np.cos(2 * np.pi * x / 10), LENGTH) == pytest.approx(10)
 
 
-def test_theory() -> None:
+def test_theory():
     incompressible = material_of(3.0)._replace(bulk=1e9)
     assert theory(1.0, incompressible) == pytest.approx((2 * np.pi, 0.25))
 
 
-def test_waves_are_longer_in_a_thicker_and_in_a_stiffer_film() -> None:
+def test_waves_are_longer_in_a_thicker_and_in_a_stiffer_film():
     plain, thick, stiff = (wrinkles(thickness, stiffness) for thickness, stiffness in ((1, 8), (2, 8), (1, 32)))
     assert thick.wavelength / plain.wavelength == pytest.approx(2, rel=0.3)
     assert stiff.wavelength / plain.wavelength == pytest.approx(4 ** (1 / 3), rel=0.3)
     assert stiff.growth < 0.7 * plain.growth  # and they come earlier
 
 
-def test_growth_across_a_film_delays_a_wave_as_exact_theory_says() -> None:
+def test_growth_across_a_film_delays_a_wave_as_exact_theory_says():
     # a film that has become thinner, and one that has become thicker, take another wave than this one first
     wavelength, thickness, material = 12.0, 2.0, material_of(2.0)
 

@@ -34,9 +34,7 @@ def everywhere(depth: FloatArray) -> FloatArray:
 
 @pytest.mark.parametrize(("along", "across"), [(0.0, 0.0), (0.4, -0.5)])
 @pytest.mark.parametrize("depth", [0.2, 0.95])
-def test_moduli_are_the_second_derivatives_of_the_energy_that_the_simulation_has(
-    along: float, across: float, depth: float
-) -> None:
+def test_moduli_are_the_second_derivatives_of_the_energy_that_the_simulation_has(along, across, depth):
     mesh, material = cube_mesh(1), Material(mu_cortex=1.0, mu_core=0.3)
     m = len(mesh.cells)
     body = body_of(mesh, Scale(np.zeros(3), 1.0), thickness=1.0)._replace(
@@ -72,7 +70,7 @@ def test_moduli_are_the_second_derivatives_of_the_energy_that_the_simulation_has
 
 
 @pytest.mark.parametrize("wave_number", [0.5, 1.5])
-def test_a_layer_that_grows_across_itself_is_as_if_it_had_been_so_thick_at_first(wave_number: float) -> None:
+def test_a_layer_that_grows_across_itself_is_as_if_it_had_been_so_thick_at_first(wave_number):
     plain, thin = (
         critical_growth(wave_number / (1 + across), 1.0, Material(mu_core=0.2), sharp_profile, across)
         for across in (0.0, -0.4)
@@ -80,21 +78,19 @@ def test_a_layer_that_grows_across_itself_is_as_if_it_had_been_so_thick_at_first
     assert thin == pytest.approx(plain, abs=1e-5)
 
 
-def test_without_growth_across_the_onset_is_what_it_was_before_there_was_any() -> None:
+def test_without_growth_across_the_onset_is_what_it_was_before_there_was_any():
     assert critical_growth(0.75, 1.0, Material(mu_core=0.2), smooth_profile) == pytest.approx(0.15597, abs=2e-6)
 
 
 @pytest.mark.parametrize(("wave_number", "across"), [(1.0, 0.0), (10.0, 0.0), (1.0, -0.5)])
-def test_a_half_space_that_grows_all_over_folds_as_biot_says_whatever_the_wave(
-    wave_number: float, across: float
-) -> None:
+def test_a_half_space_that_grows_all_over_folds_as_biot_says_whatever_the_wave(wave_number, across):
     # its stretches across and along the surface are then as 1 to 0.2956, and the cube root of that is 0.666
     material = Material(mu_cortex=1.0, mu_core=1.0, bulk=100.0)
     found = critical_growth(wave_number, 1.0, material, everywhere, across)
     assert found == pytest.approx(0.2956 ** (-1 / 3) - 1, rel=5e-3)
 
 
-def test_a_stiff_film_folds_as_allen_says() -> None:
+def test_a_stiff_film_folds_as_allen_says():
     wavelength, growth = theory(1.0, Material(mu_core=1e-3))
     found = layer(1000)
     assert found.wavelength == pytest.approx(wavelength, rel=0.02)
@@ -102,7 +98,7 @@ def test_a_stiff_film_folds_as_allen_says() -> None:
     assert found.growth == pytest.approx(growth / (1 + 13 / 32), rel=0.02)
 
 
-def test_waves_are_longer_and_come_earlier_where_the_layer_is_stiffer() -> None:
+def test_waves_are_longer_and_come_earlier_where_the_layer_is_stiffer():
     found = [layer(stiffness) for stiffness in (1, 5, 20)]
     assert [one.set_by_layer for one in found] == [True, True, True]
     assert np.all(np.diff([one.wavelength for one in found]) > 0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import nibabel as nib
 import numpy as np
@@ -36,14 +35,14 @@ def noise(vertices: int, seed: int = 0, number: int = FOLDS) -> np.ndarray:
     return np.random.default_rng(seed).normal(size=(number, vertices))
 
 
-def test_words_become_groups_and_numbers_are_centred() -> None:
+def test_words_become_groups_and_numbers_are_centred():
     design = design_of(rows(), ["scan_age", "group"])
     assert design.names == ["scan_age", "group[b]"]
     assert design.tested[:, 0].mean() == pytest.approx(0)
     assert design.tested[:4, 1].tolist() == [0, 1, 0, 1]
 
 
-def test_variants_are_compared_within_cases() -> None:
+def test_variants_are_compared_within_cases():
     both = [{**row, "variant": name} for row in rows(4) for name in ("usual", "thin")]
     design = design_of(both, ["variant"])
     assert design.names == ["variant[thin]"] and design.held.shape == (8, 3)
@@ -65,7 +64,7 @@ def test_variants_are_compared_within_cases() -> None:
         (["endless"], "endless.*inf"),
     ],
 )
-def test_a_model_that_cannot_be_fitted_is_refused(model: list[str], word: str) -> None:
+def test_a_model_that_cannot_be_fitted_is_refused(model, word):
     given = [{**row, "case2": "same", "copy": row["group"]} for row in rows()]
     for name, odd in (("NA", "NA"), ("unknown", "40 g"), ("endless", "inf")):
         given = [{**row, name: odd if row["case"] == "s3" else str(place)} for place, row in enumerate(given)]
@@ -73,7 +72,7 @@ def test_a_model_that_cannot_be_fitted_is_refused(model: list[str], word: str) -
         design_of(given, model)
 
 
-def test_t_is_that_of_the_textbook() -> None:
+def test_t_is_that_of_the_textbook():
     from scipy.stats import ttest_ind
 
     values, given = noise(30), rows()
@@ -83,7 +82,7 @@ def test_t_is_that_of_the_textbook() -> None:
     assert p.min() >= 1 / (PERMUTATIONS + 1) * (1 - 1e-9)
 
 
-def test_an_effect_is_found_where_it_is_and_others_are_held() -> None:
+def test_an_effect_is_found_where_it_is_and_others_are_held():
     given, values = rows(), noise(200)
     values[:, :10] += 6.0 * np.array([row["group"] == "b" for row in given])[:, None]
     values += 3.0 * np.array([row["scan_age"] for row in given], float)[:, None]
@@ -94,7 +93,7 @@ def test_an_effect_is_found_where_it_is_and_others_are_held() -> None:
     assert np.isnan(p[[50, 51]]).all()
 
 
-def test_false_positives_come_at_their_rate() -> None:
+def test_false_positives_come_at_their_rate():
     """Groups at random on noise: of 40, any vertex below 0.05 in at most 6 (binomial, 99 %); benchmarks has 200."""
     false, values, random = 0, noise(100), np.random.default_rng(1)
     for _ in range(GROUPS):
@@ -104,7 +103,7 @@ def test_false_positives_come_at_their_rate() -> None:
     assert false <= 6
 
 
-def test_a_population_has_stacks_maps_a_design_and_a_table(tmp_path: Path) -> None:
+def test_a_population_has_stacks_maps_a_design_and_a_table(tmp_path):
     ball, sheet = ball_surface(3, 1.0), []
     height = ball.points[:, 2]
     for number, row in enumerate(rows(8)):

@@ -56,7 +56,7 @@ def balls() -> Series:
 # --- the series
 
 
-def test_surfaces_of_a_series_are_laid_onto_the_first() -> None:
+def test_surfaces_of_a_series_are_laid_onto_the_first():
     first, later = bumpy(2.0, 0.1), bumpy(2.0, 0.1)
     moved = replace(later, points=later.points @ TURN.T + 30.0)
     assert series_of({22.0: first, 24.0: moved}).at(24.0).points == pytest.approx(first.points, abs=1e-9)
@@ -69,7 +69,7 @@ def test_surfaces_of_a_series_are_laid_onto_the_first() -> None:
             series_of(wrong)
 
 
-def test_scores_do_not_see_where_a_brain_lies_and_are_given_by_lobe() -> None:
+def test_scores_do_not_see_where_a_brain_lies_and_are_given_by_lobe():
     series = balls()
     above = series.first.points[:, 2] > 0
     (perfect,) = scores(series, {24.0: series.at(24.0).points @ TURN.T + 7.0})
@@ -86,7 +86,7 @@ def test_scores_do_not_see_where_a_brain_lies_and_are_given_by_lobe() -> None:
     assert one["depth"] is None and one["distance_mm"] > 0, "one vertex has no correlation, and JSON no NaN"
 
 
-def test_lobes_are_those_of_a_file_of_labels(tmp_path: Path) -> None:
+def test_lobes_are_those_of_a_file_of_labels(tmp_path):
     above = balls().first.points[:, 2] > 0
     array = nibabel.gifti.GiftiDataArray(np.where(above, 1, 2).astype(np.int32), intent="NIFTI_INTENT_LABEL")
     table = nibabel.gifti.GiftiLabelTable()
@@ -106,7 +106,7 @@ def test_lobes_are_those_of_a_file_of_labels(tmp_path: Path) -> None:
 # --- growth
 
 
-def test_a_forecast_goes_on_as_areas_of_usual_brains_do() -> None:
+def test_a_forecast_goes_on_as_areas_of_usual_brains_do():
     series = balls()
     maps = measured_growth(series, [23.0], 0.0)
     (later,) = forecast_growth(series, maps, 23.0, [24.0]).values()
@@ -116,7 +116,7 @@ def test_a_forecast_goes_on_as_areas_of_usual_brains_do() -> None:
     assert np.abs(forecast_growth(series, wild, 23.0, [24.0])[24.0]).max() <= 1.2, "a fold refuses what no tissue does"
 
 
-def test_nulls_have_as_much_growth_as_was_measured_but_no_pattern_or_another() -> None:
+def test_nulls_have_as_much_growth_as_was_measured_but_no_pattern_or_another():
     series = balls()
     maps = measured_growth(series, [24.0], 0.0)
     even, turned = uniform_growth(series, maps)[24.0], shuffled_growth(series, maps, 0)[24.0]
@@ -129,7 +129,7 @@ def test_nulls_have_as_much_growth_as_was_measured_but_no_pattern_or_another() -
         shuffled_growth(replace(series, sphere=None), maps, 0)
 
 
-def test_more_is_imposed_where_less_came_out() -> None:
+def test_more_is_imposed_where_less_came_out():
     series = balls()
     wanted = measured_growth(series, [24.0], 0.0)[24.0]
     assert corrected(series, wanted, wanted, 0.8 * wanted) == pytest.approx(1.2 * wanted)
@@ -168,7 +168,7 @@ def test_rounds_find_what_has_to_be_imposed(tmp_path: Path) -> None:
     assert rows[23.0]["area_mm2"] == pytest.approx(rows[23.0]["real_area_mm2"], rel=5e-3)
 
 
-def test_kinds_that_need_no_fold_are_what_they_say() -> None:
+def test_kinds_that_need_no_fold_are_what_they_say():
     series, mesh = balls(), ball_mesh(1)
     path = predict(series, mesh, "path", Path(), settings=SETTINGS, until=23.0).points
     assert path[23.0] == pytest.approx(series.at(23.0).points)
@@ -183,7 +183,7 @@ def test_kinds_that_need_no_fold_are_what_they_say() -> None:
         predict(series, mesh, "mechanics", Path(), settings=other, until=23.0)
 
 
-def test_ages_of_weeks_and_days_are_predicted_as_they_are(tmp_path: Path) -> None:
+def test_ages_of_weeks_and_days_are_predicted_as_they_are(tmp_path):
     age = 22 + 2 / 7  # between two rows of the table, and no frame of its own otherwise
     early, late = (replace(one, points=5 * one.points) for one in (bumpy(2.0, 0.1), bumpy(2.1, 0.15)))
     series, mesh = series_of({22.0: early, age: late, 23.0: late}), ball_mesh(2, radius=10.0)
@@ -205,7 +205,7 @@ def test_ages_of_weeks_and_days_are_predicted_as_they_are(tmp_path: Path) -> Non
 # --- how sure they are
 
 
-def test_runs_that_differ_in_size_lie_apart_by_their_sizes() -> None:
+def test_runs_that_differ_in_size_lie_apart_by_their_sizes():
     series = balls()
     points, sizes = series.first.points, np.array([0.9, 1.0, 1.3])
     turned = [{24.0: size * points @ TURN.T + 7.0} for size in sizes]  # a place in the file means nothing
@@ -216,7 +216,7 @@ def test_runs_that_differ_in_size_lie_apart_by_their_sizes() -> None:
         spreads(series, turned[:1])
 
 
-def test_the_truth_is_among_predictions_that_lie_around_it_and_not_among_others() -> None:
+def test_the_truth_is_among_predictions_that_lie_around_it_and_not_among_others():
     series = balls()  # whose bumps are 0.2 high at 24 weeks
     around, beside = (
         checked(series, spreads(series, [{24.0: bumpy(2.2, height).points} for height in heights]))[0]

@@ -37,7 +37,7 @@ def rows_of(table: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file, delimiter="\t"))
 
 
-def test_cell_sizes_and_realisations_are_folded_and_compared(tmp_path: Path) -> None:
+def test_cell_sizes_and_realisations_are_folded_and_compared(tmp_path):
     write_surface(phantom(24.0, subdivisions=4), tmp_path / "a.surf.gii")
     sizes = {"cell_size": [6.0, 5.0], "seeds": [0, 1], "meshers": ["lattice"]}
     study = {"surfaces": {"a": {"surface": "a.surf.gii", "ga": 24, "hemi": "L"}}, **sizes}
@@ -52,7 +52,7 @@ def test_cell_sizes_and_realisations_are_folded_and_compared(tmp_path: Path) -> 
     assert "Nothing to be done" in run(tmp_path, config)
 
 
-def test_later_surfaces_of_a_series_are_predicted_and_compared(tmp_path: Path) -> None:
+def test_later_surfaces_of_a_series_are_predicted_and_compared(tmp_path):
     files = {}
     for age in (24.0, 24.5):
         surface, sphere = phantom_with_sphere(age, hemisphere="L", subdivisions=4)
