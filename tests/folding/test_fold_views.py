@@ -10,8 +10,6 @@ from cortet.folding.fold_views import (
     Brain,
     Row,
     bar_length,
-    centre,
-    extent,
     real_brain,
     sheet,
     sides,
@@ -44,14 +42,6 @@ def test_what_is_said_of_directions_is_what_is_seen(hemisphere):
     image = view(midline, sides(hemisphere)[2], np.zeros(3), (160, 160), 2.0).astype(int)
     red = image[:, :, 0] - image[:, :, 2] > 60
     assert red[:80].mean() > 5 * red[80:].mean()  # "midline up"; of a whole brain, the right side
-
-
-def test_a_millimetre_has_as_many_pixels_as_said():
-    brain, side = box((20.0, 60.0, 40.0)), sides("L")[0]
-    assert extent(brain, side) == pytest.approx([60.0, 40.0], rel=0.01)
-    drawn = (view(brain, side, centre(brain), (300, 200), 4.0) < 250).any(axis=2)
-    rows, columns = np.flatnonzero(drawn.any(axis=1)), np.flatnonzero(drawn.any(axis=0))
-    assert np.ptp(columns) == pytest.approx(240, abs=4) and np.ptp(rows) == pytest.approx(160, abs=4)
 
 
 def test_all_brains_of_a_sheet_and_its_bar_have_one_scale():

@@ -3,13 +3,8 @@
 import numpy as np
 from shapes import ball_mesh
 
-from cortet.geometry.ordering import curve_order, ordered_along_curve
+from cortet.geometry.ordering import ordered_along_curve
 from cortet.measure.quality import quality, signed_volumes
-
-
-def test_corners_of_a_cube_follow_the_z_curve():
-    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
-    assert corners[curve_order(corners)].tolist() == sorted(corners.tolist(), key=lambda corner: corner[::-1])
 
 
 def test_the_mesh_stays_the_same_and_neighbours_come_closer():

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from carried import carried
 from convergence import (
     QUANTITIES,
     Run,
@@ -16,7 +15,6 @@ from convergence import (
     limit,
     sentence,
 )
-from shapes import ball_mesh, ball_surface
 
 SIZES = [1.6, 1.2, 0.9]
 
@@ -96,11 +94,3 @@ def test_a_run_that_stopped_is_counted_and_not_averaged():
     assert (first["runs"], first["stopped"]) == (1, 1)
     assert first["gyrification_index"] == pytest.approx(1.3001)
     assert pd.isna(first["correlation_realisations"])
-
-
-def test_a_surface_goes_with_the_mesh():
-    mesh, surface = ball_mesh(3), ball_surface(4, radius=1.02)
-    linear = np.array([[1.2, 0.1, 0.0], [0.0, 0.9, 0.2], [0.1, 0.0, 1.1]])
-    assert carried(surface.points, mesh, mesh.points) == pytest.approx(surface.points)
-    moved = carried(surface.points, mesh, mesh.points @ linear.T)
-    assert np.abs(moved - surface.points @ linear.T).max() < 0.03  # the offset of 0.02 does not turn
