@@ -23,8 +23,6 @@ from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: mm, farthest apart that two banks are joined
 _BETWEEN_BANKS = 6.0
-#: sides of a tube, and rings along it
-_SIDES, _RINGS = 12, 24
 
 
 def along(surface: TriSurface, vertex: int) -> FloatArray:
@@ -67,28 +65,36 @@ def medial_wall_cut_out(surface: TriSurface, share: float = 0.08) -> TriSurface:
     return without(surface, order[: int(np.searchsorted(np.cumsum(area[order]), share * area.sum()))])
 
 
-def handle(surface: TriSurface, diameter: float) -> TriSurface:
-    """An arch of so many mm in diameter between two places of the crown that lies highest."""
+def handle(surface: TriSurface, rings: int) -> TriSurface:
+    """A tunnel between two places of the crown that lies highest, so many rings of triangles wide."""
     top = outermost(surface, (0, 0, 1))
-    distance = along(surface, top)
-    apart = np.abs(distance - 3 * diameter - 4)
-    far = np.flatnonzero(apart < 1.5)[surface.points[apart < 1.5, 2].argmax()]
-    opened = [np.flatnonzero(along(surface, int(v)) <= diameter / 2) for v in (top, far)]
-    up = np.array([0, 0, 1.0])
-    ends = [(surface.points[v], up) for v in (top, int(far))]
-    return _with_tube(surface, opened, ends, radius=diameter / 2, height=1.5 * diameter)
+    far = np.argsort(np.abs(along(surface, top) - 20 - 2 * rings), kind="stable")
+    return _joined_by_a_tube(surface, top, far, rings)
 
 
 def bridge(surface: TriSurface) -> TriSurface:
     """Two banks of a sulcus joined by a tube through what is between them."""
     one, other = _facing_banks(surface)
-    distance = [along(surface, v) for v in (one, other)]
+    return _joined_by_a_tube(surface, one, np.argsort(along(surface, other), kind="stable"), 1)
+
+
+def _joined_by_a_tube(surface: TriSurface, one: int, others: IntArray, rings: int) -> TriSurface:
+    """Rings of triangles around a vertex, and around the first other that has as long a rim, in place of a tube."""
     start, end = edges(surface.faces).T
-    edge = np.linalg.norm(surface.points[start] - surface.points[end], axis=1).mean()
-    opened = [np.flatnonzero(d <= edge) for d in distance]
-    across = surface.points[other] - surface.points[one]
-    ends = [(surface.points[one], across), (surface.points[other], -across)]
-    return _with_tube(surface, opened, ends, radius=edge, height=0.0)
+    steps = coo_matrix((np.ones(len(start)), (start, end)), shape=(len(surface.points),) * 2)
+    for other in others.tolist():
+        near = dijkstra(steps, directed=False, unweighted=True, indices=[one, other], limit=rings - 0.5).min(axis=0)
+        cut = without(surface, np.flatnonzero(np.isfinite(near)))
+        found = rims(cut.faces)
+        if len(found) == 2 and len(found[0]) == len(found[1]):
+            rim, facing = found[0], found[1][::-1]
+            turns = [np.roll(facing, turn) for turn in range(len(facing))]
+            lengths = [np.linalg.norm(cut.points[rim] - cut.points[turned], axis=1).sum() for turned in turns]
+            facing = turns[int(np.argmin(lengths))]
+            ahead, beyond = np.roll(rim, -1), np.roll(facing, -1)
+            walls = np.concatenate([np.column_stack([rim, ahead, facing]), np.column_stack([ahead, beyond, facing])])
+            return TriSurface(cut.points, outward(cut.points, np.concatenate([cut.faces, walls])))
+    raise ValueError("no two rims of the surface are of the same length")
 
 
 def _facing_banks(surface: TriSurface) -> tuple[int, int]:
@@ -103,76 +109,6 @@ def _facing_banks(surface: TriSurface) -> tuple[int, int]:
         if normals[one] @ normals[other] < -0.7 and along(surface, one)[other] > 4 * width[one]:
             return one, other
     raise ValueError("the surface has no sulcus whose banks face each other")
-
-
-def _with_tube(
-    surface: TriSurface,
-    opened: list[IntArray],
-    ends: list[tuple[FloatArray, FloatArray]],
-    *,
-    radius: float,
-    height: float,
-) -> TriSurface:
-    """Two holes in a surface joined by a tube on an arc between them.
-
-    Parameters
-    ----------
-    opened : vertices that are cut out at each end
-    ends : place and direction of the tube at each end
-    """
-    cut = without(surface, np.concatenate(opened))
-    one, other = sorted(rims(cut.faces), key=lambda rim: np.linalg.norm(cut.points[rim].mean(axis=0) - ends[0][0]))[:2]
-    t = np.linspace(0, 1, _RINGS + 2)[1:-1, None]
-    (a, up_a), (b, up_b) = ends
-    bow = height * 4 * t * (1 - t)
-    line = (1 - t) * a + t * b + bow * ((1 - t) * up_a + t * up_b)
-    ahead = np.gradient(line, axis=0)
-    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
-    side = np.cross(ahead, _perpendicular(b - a, up_a))
-    side /= np.linalg.norm(side, axis=1, keepdims=True)
-    up = np.cross(side, ahead)
-    angle = np.arange(_SIDES) * 2 * np.pi / _SIDES
-    rings = line[:, None] + 0.7 * radius * (
-        np.cos(angle)[:, None] * side[:, None] + np.sin(angle)[:, None] * up[:, None]
-    )
-    number = len(cut.points) + np.arange(_RINGS * _SIDES).reshape(_RINGS, _SIDES)
-    points = np.concatenate([cut.points, rings.reshape(-1, 3)])
-    walls = [_strip(points, *loops) for loops in zip([one, *number], [*number, other], strict=True)]
-    return TriSurface(points, outward(points, np.concatenate([cut.faces, *walls])))
-
-
-def _perpendicular(vector: FloatArray, near: FloatArray) -> FloatArray:
-    """Of the directions across a vector, the one nearest to another."""
-    across = near - vector * (near @ vector) / (vector @ vector)
-    if np.linalg.norm(across) < 1e-6:
-        across = np.cross(vector, np.eye(3)[np.abs(vector).argmin()])
-    return across / np.linalg.norm(across)
-
-
-def _strip(points: FloatArray, one: IntArray, other: IntArray) -> IntArray:
-    """Triangles between two closed rings of vertices, by the shorter of the two edges that may come next."""
-    centre = points[np.r_[one, other]].mean(axis=0)
-    axis = points[other].mean(axis=0) - points[one].mean(axis=0)
-
-    def turns(ring: IntArray) -> float:
-        offset = points[ring] - centre
-        return float(np.cross(offset, np.roll(offset, -1, axis=0)).sum(axis=0) @ axis)
-
-    one, other = (ring if turns(ring) > 0 else ring[::-1] for ring in (one, other))
-    first = int(np.linalg.norm(points[other] - points[one[0]], axis=1).argmin())
-    other = np.roll(other, -first)
-    faces, i, j = [], 0, 0
-    while i < len(one) or j < len(other):
-        a, b = one[i % len(one)], other[j % len(other)]
-        c, d = one[(i + 1) % len(one)], other[(j + 1) % len(other)]
-        first_is_shorter = np.linalg.norm(points[c] - points[b]) < np.linalg.norm(points[d] - points[a])
-        if j == len(other) or (i < len(one) and first_is_shorter):
-            faces.append((a, c, b))
-            i += 1
-        else:
-            faces.append((a, d, b))
-            j += 1
-    return np.array(faces, np.int32)
 
 
 def crossing(surface: TriSurface, count: int = 50) -> TriSurface:
@@ -264,8 +200,8 @@ BREAKAGES: dict[str, Callable[[TriSurface], TriSurface]] = {
     "hole of 5 mm": lambda surface: hole(surface, 5.0),
     "hole of 30 mm": lambda surface: hole(surface, 30.0),
     "medial wall cut out": medial_wall_cut_out,
-    "handle of 2 mm": lambda surface: handle(surface, 2.0),
-    "handle of 8 mm": lambda surface: handle(surface, 8.0),
+    "narrow handle": lambda surface: handle(surface, 1),
+    "wide handle": lambda surface: handle(surface, 3),
     "bridge between banks": bridge,
     "50 crossing triangles": crossing,
     "doubled faces": doubled,
@@ -274,5 +210,4 @@ BREAKAGES: dict[str, Callable[[TriSurface], TriSurface]] = {
     "duplicated vertices": apart,
     "spike of 8 mm": spike,
     "NaN vertex": unknown,
-    "voxel staircase of 1.5 mm": staircase,
 }
