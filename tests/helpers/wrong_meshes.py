@@ -39,6 +39,8 @@ class Wrong:
     #: the surface that it is said to fill
     surface: TriSurface
     cell_size: float
+    #: a check of the certificate that fails
+    check: str = ""
     #: commands that cannot know the fault
     unseen_by: frozenset[str] = frozenset()
 
@@ -53,16 +55,19 @@ def wrong_meshes(n: int) -> Iterator[Wrong]:
     """Every fault, in a cube of 6 n^3 tetrahedra; n even and at least 4."""
     good = sound(n)
     mesh = good.mesh
-    for fault, make in FAULTS.items():
-        yield replace(good, fault=fault, mesh=make(mesh))
+    for fault, (make, check) in FAULTS.items():
+        yield replace(good, fault=fault, mesh=make(mesh), check=check)
     for width in (2e-4, 1e-2):
-        yield replace(good, fault=f"slit of {width:g} mm", mesh=with_slit(mesh, width), unseen_by=BLIND)
+        yield replace(
+            good, fault=f"slit of {width:g} mm", mesh=with_slit(mesh, width), check="bank_gap", unseen_by=BLIND
+        )
     for scale in (1.02, 1000.0):
         bigger = replace(mesh, points=mesh.points * scale)
-        yield replace(good, fault=f"scale {scale:g}", mesh=bigger, unseen_by=BLIND)
+        yield replace(good, fault=f"scale {scale:g}", mesh=bigger, check="node_distance", unseen_by=BLIND)
     points = good.surface.points
     bulging = points + 0.1 * np.sin(points[:, [1, 2, 0]])
-    yield replace(good, fault="surface of another", surface=TriSurface(bulging, good.surface.faces), unseen_by=BLIND)
+    other = TriSurface(bulging, good.surface.faces)
+    yield replace(good, fault="surface of another", surface=other, check="node_distance", unseen_by=BLIND)
     yield swapped_regions(good)
 
 
@@ -199,23 +204,24 @@ def touching_in_a_node(mesh: TetMesh) -> TetMesh:
     return touching(mesh, SIDE, SIDE, SIDE)
 
 
-FAULTS: dict[str, Callable[[TetMesh], TetMesh]] = {
-    "void": with_void,
-    "void, hidden by elements listed twice": with_hidden_void,
-    "element listed twice": with_listed_twice,
-    "all elements listed twice": with_all_listed_twice,
-    "third element at a face": with_third_at_a_face,
-    "body inside the body": with_body_inside,
-    "hanging node": with_hanging_node,
-    "node named twice": with_node_twice,
-    "nodes parted along a plane": with_parted_nodes,
-    "unused node": with_unused_node,
-    "nodes swapped in one element": with_swapped_nodes,
-    "half of the elements inverted": with_inverted_half,
-    "node through a face": with_node_through_a_face,
-    "flat element": with_flat_element,
-    "touching in an edge": touching_in_an_edge,
-    "touching in a node": touching_in_a_node,
+#: fault -> what makes it, and a check of the certificate that fails; none where there is no certificate at all
+FAULTS: dict[str, tuple[Callable[[TetMesh], TetMesh], str]] = {
+    "void": (with_void, "voids"),
+    "void, hidden by elements listed twice": (with_hidden_void, "repeated_tetrahedra"),
+    "element listed twice": (with_listed_twice, "volume_balance"),
+    "all elements listed twice": (with_all_listed_twice, ""),
+    "third element at a face": (with_third_at_a_face, "overfull_faces"),
+    "body inside the body": (with_body_inside, "overlapping_bodies"),
+    "hanging node": (with_hanging_node, "voids"),
+    "node named twice": (with_node_twice, "tetrahedra_with_doubled_nodes"),
+    "nodes parted along a plane": (with_parted_nodes, "coincident_nodes"),
+    "unused node": (with_unused_node, "unused_nodes"),
+    "nodes swapped in one element": (with_swapped_nodes, "flat_or_inverted_tetrahedra"),
+    "half of the elements inverted": (with_inverted_half, "misoriented_edges"),
+    "node through a face": (with_node_through_a_face, "folded_faces"),
+    "flat element": (with_flat_element, "flat_or_inverted_tetrahedra"),
+    "touching in an edge": (touching_in_an_edge, "nonmanifold_edges"),
+    "touching in a node": (touching_in_a_node, "pinched_vertices"),
 }
 
 
@@ -250,7 +256,8 @@ def swapped_regions(good: Wrong) -> Wrong:
     within = without_unused(mesh.points, mesh.cells[inner])
     surface = replace(good.surface, inner={"white": boundary_surface(within)[0]})
     labelled = replace(mesh, cell_data={REGION: 1 + (~inner).astype(np.int32)})
-    return replace(good, fault="regions swapped", mesh=labelled, surface=surface, unseen_by=BLIND | {"quadratic"})
+    unseen_by, check = BLIND | {"quadratic"}, "region_volume_change:white"
+    return replace(good, fault="regions swapped", mesh=labelled, surface=surface, check=check, unseen_by=unseen_by)
 
 
 def _deep(mesh: TetMesh) -> IntArray:

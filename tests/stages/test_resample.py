@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import subprocess
 from dataclasses import replace
-from pathlib import Path
 from shutil import which
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from cortet.config import load
 from cortet.config.stages import Resample
 from cortet.errors import InputError
-from cortet.formats.gifti import read_fields, read_surface, write_surface
+from cortet.formats.gifti import read_fields, read_surface, write_fields, write_surface
 from cortet.geometry.icosphere import icosphere
 from cortet.meshes import FloatArray, TriSurface
 from cortet.stages import STAGES, arguments_of
@@ -115,24 +112,6 @@ def test_what_is_no_sphere_of_the_surface_is_refused(change, word, tmp_path):
         resample(*native(3), Resample(template=str(tmp_path / "egg.surf.gii")))
 
 
-def gifti_array(values: NDArray[Any], path: Path) -> Path:
-    """A metric or label file, as Workbench reads it."""
-    from nibabel.gifti import GiftiDataArray, GiftiImage, GiftiLabel, GiftiLabelTable
-
-    labels = np.issubdtype(values.dtype, np.integer)
-    intent, kind = ("LABEL", np.int32) if labels else ("NORMAL", np.float32)
-    image = GiftiImage(darrays=[GiftiDataArray(values.astype(kind), f"NIFTI_INTENT_{intent}")])
-    if labels:
-        table = GiftiLabelTable()
-        for key in np.unique(values).tolist():
-            label = GiftiLabel(key, 1, 1, 1, 1)
-            label.label = f"label {key}"
-            table.labels.append(label)
-        image.labeltable = table
-    path.write_bytes(image.to_xml())
-    return path
-
-
 @pytest.mark.skipif(not which("wb_command"), reason="Connectome Workbench is not installed")
 @pytest.mark.parametrize("subdivisions", [3, 5])
 def test_workbench_finds_the_same(subdivisions, tmp_path):
@@ -148,10 +127,10 @@ def test_workbench_finds_the_same(subdivisions, tmp_path):
     subprocess.run([*wb, "-surface-resample", names["surface"], *spheres, "BARYCENTRIC", names["theirs"]], check=True)
     assert np.abs(read_surface(names["theirs"]).points - made.points).max() < 1e-4
     for field, kind, end in (("height", "metric", "func"), ("lobe", "label", "label")):
-        source = gifti_array(surface.point_data[field], tmp_path / f"{field}.{end}.gii")
-        target = str(tmp_path / f"theirs_{field}.{end}.gii")
+        source, target = (str(tmp_path / f"{name}{field}.{end}.gii") for name in ("", "theirs_"))
+        write_fields({field: surface.point_data[field]}, source)
         areas = ["-area-surfs", names["surface"], names["made"]]
-        command = [*wb, f"-{kind}-resample", str(source), *spheres, "ADAP_BARY_AREA", target, *areas]
+        command = [*wb, f"-{kind}-resample", source, *spheres, "ADAP_BARY_AREA", target, *areas]
         subprocess.run(command, check=True)
         (theirs,) = read_fields(target).values()
         if kind == "label":
