@@ -34,6 +34,20 @@ def torus(major: float, minor: float, **sections: int) -> TriSurface:
     return TriSurface(shape.vertices, shape.faces)
 
 
+def one_sided() -> TriSurface:
+    """A Klein bottle of 40 by 20 quads: closed, but without an inside."""
+    u, v = (w.ravel() for w in np.meshgrid(np.arange(40), np.arange(20), indexing="ij"))
+
+    def index(i, j):
+        return i % 40 * 20 + np.where(i >= 40, -j, j) % 20
+
+    quad = [index(u, v), index(u + 1, v), index(u + 1, v + 1), index(u, v + 1)]
+    faces = np.concatenate([np.stack([quad[0], quad[1], quad[2]], 1), np.stack([quad[0], quad[2], quad[3]], 1)])
+    a, b = u * np.pi / 20, v * np.pi / 10
+    radius = 20 + 6 * np.cos(b)
+    return TriSurface(np.c_[radius * np.cos(a), radius * np.sin(a), 6 * np.sin(b) * np.cos(a / 2)], faces)
+
+
 def can(sides: int, rings: int = 1, hub: float = 0.0) -> TriSurface:
     """A closed cylinder of radius 25 mm and length 60 mm; each end is a fan of `sides` triangles around one vertex.
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from shapes import ball_surface, real_surface, torus
+from shapes import ball_surface, one_sided, real_surface, torus
 
 from cortet.config.stages import Gate
 from cortet.errors import InputError
@@ -80,20 +80,6 @@ def test_a_few_crossing_triangles_are_pulled_apart_locally():
     moved = np.linalg.norm(passed.points - crossed.points, axis=1)
     assert report.repair_moved_vertices == (moved > 0).sum() < 60
     assert report.repair_max_displacement_mm == moved.max() < 1
-
-
-def one_sided() -> TriSurface:
-    """A Klein bottle of 40 by 20 quads: closed, but without an inside."""
-    u, v = (w.ravel() for w in np.meshgrid(np.arange(40), np.arange(20), indexing="ij"))
-
-    def index(i, j):
-        return i % 40 * 20 + np.where(i >= 40, -j, j) % 20
-
-    quad = [index(u, v), index(u + 1, v), index(u + 1, v + 1), index(u, v + 1)]
-    faces = np.concatenate([np.stack([quad[0], quad[1], quad[2]], 1), np.stack([quad[0], quad[2], quad[3]], 1)])
-    a, b = u * np.pi / 20, v * np.pi / 10
-    radius = 20 + 6 * np.cos(b)
-    return TriSurface(np.c_[radius * np.cos(a), radius * np.sin(a), 6 * np.sin(b) * np.cos(a / 2)], faces)
 
 
 TORUS = torus(20.0, 6.0)

@@ -8,7 +8,7 @@ import breakages
 import numpy as np
 import pytest
 import trimesh
-from shapes import ball_surface, can, real_surface, torus
+from shapes import ball_surface, can, one_sided, real_surface, torus
 
 from cortet.config.stages import Repair
 from cortet.errors import InputError
@@ -150,21 +150,6 @@ def test_fields_follow_and_caps_are_labelled():
     assert set(made.point_data["parcel"]) == {0, 1}
     made, report = repaired(breakages.unknown(ball()))
     assert FILLED not in made.point_data and report.filled_area_mm2 == 0, "a cut that the repair made itself"
-
-
-def one_sided() -> TriSurface:
-    """A band of one twist, a hundred mm long."""
-    turn = np.linspace(0, 2 * np.pi, 60, endpoint=False)
-    across = np.array([-4.0, 0, 4.0])
-    radius = 20 + across * np.cos(turn / 2)[:, None]
-    points = np.stack(
-        [radius * np.cos(turn)[:, None], radius * np.sin(turn)[:, None], across * np.sin(turn / 2)[:, None]], 2
-    )
-    number = np.arange(180).reshape(60, 3)
-    ahead = np.roll(number, -1, axis=0)
-    ahead[-1] = ahead[-1, ::-1]
-    quads = np.stack([number[:, :-1], ahead[:, :-1], ahead[:, 1:], number[:, 1:]], axis=2).reshape(-1, 4)
-    return TriSurface(points.reshape(-1, 3), np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]]))
 
 
 def shells() -> TriSurface:
