@@ -11,7 +11,7 @@ import pytest
 from cubes import cube_mesh
 from pydantic import ValidationError
 from shapes import horseshoe
-from wrong_meshes import sound, touching, with_slit
+from wrong_meshes import sound, touching, with_listed_twice, with_slit
 
 from cortet.config.sections import Certify
 from cortet.errors import InputError
@@ -19,6 +19,7 @@ from cortet.geometry.banks import banks, gaps, slits
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import SCHEMA, Certificate, certify
 from cortet.measure.checks import NAMES, checked, remedies, with_cell_size
+from cortet.measure.quality import quality
 from cortet.meshes import TetMesh, TriSurface
 from cortet.report.case_page import of_check
 
@@ -58,9 +59,17 @@ def test_a_good_mesh_is_certified_with_every_number_beside_its_limit(mesh, surfa
 
 
 def test_a_missed_limit_comes_with_number_place_reason_and_remedy(surface):
-    certificate = certify(cube_mesh(4, side=8.0, jitter=0.3), surface)
+    jittered = cube_mesh(4, side=8.0, jitter=0.3)
+    certificate = certify(jittered, surface)
     (reason,), worst = certificate.reasons, certificate.worst_elements[0]
-    for said in (f"{worst.q:.4g}", "({:.2f}, {:.2f}, {:.2f}) mm".format(*worst.centre_mm), worst.reason, "`clean`"):
+    bad = (quality(jittered.points, jittered.cells) >= 0.6).sum()
+    for said in (
+        f"{bad} elements",
+        f"{worst.q:.4g}",
+        "({:.2f}, {:.2f}, {:.2f}) mm".format(*worst.centre_mm),
+        worst.reason,
+        "`clean`",
+    ):
         assert said in reason
 
 
@@ -90,6 +99,12 @@ def with_tunnel(mesh: TetMesh) -> TetMesh:
 
 def test_a_tunnel_through_good_elements_is_refused(mesh, surface):
     assert failed(certify(with_tunnel(mesh), surface, ANY_SIZE)) == {"boundary_euler_number"}
+
+
+def test_the_volume_balance_is_relative_to_the_larger_volume(mesh, surface):
+    checks = certify(with_listed_twice(mesh), surface, ANY_SIZE).checks
+    balance = {check.id: check.value for check in checks}["volume_balance"]
+    assert balance == pytest.approx(1 / (len(mesh.cells) + 1))
 
 
 @pytest.mark.parametrize(
