@@ -54,7 +54,7 @@ def holders(surface: TriSurface, folder: Path) -> dict[str, Any]:
     }
 
 
-def test_certify_takes_the_cell_size_that_a_mesh_was_made_with(tmp_path: Path) -> None:
+def test_certify_takes_the_cell_size_that_a_mesh_was_made_with(tmp_path):
     surface = ball_surface(3, radius=14.0)
     made = cortet.mesh(surface, cell_size=4.0, progress=False)
     made.save(tmp_path / "x.vtu")
@@ -72,7 +72,7 @@ def test_certify_takes_the_cell_size_that_a_mesh_was_made_with(tmp_path: Path) -
     assert set(limits(cortet.certify(made.mesh, made.surface)).values()) == {None}
 
 
-def test_a_surface_may_come_from_anything_that_holds_one(ball: TriSurface, tmp_path: Path) -> None:
+def test_a_surface_may_come_from_anything_that_holds_one(ball, tmp_path):
     for name, held in holders(ball, tmp_path).items():
         found = cortet.surface(held)
         assert np.array_equal(found.faces, ball.faces), name
@@ -91,12 +91,12 @@ def test_a_surface_may_come_from_anything_that_holds_one(ball: TriSurface, tmp_p
         (np.zeros((4, 3)), "an object of type ndarray is not a surface"),
     ],
 )
-def test_what_holds_none_is_refused_in_words(held: Any, words: str) -> None:
+def test_what_holds_none_is_refused_in_words(held, words):
     with pytest.raises(InputError, match=words):
         cortet.surface(held)
 
 
-def test_an_image_keeps_its_frame_as_its_file_does(ball: TriSurface, tmp_path: Path) -> None:
+def test_an_image_keeps_its_frame_as_its_file_does(ball, tmp_path):
     shift = (1, 0, 0, 7, 0, 1, 0, 8, 0, 0, 1, 9, 0, 0, 0, 1)
     frame = CoordinateFrame("NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_SCANNER_ANAT", shift)
     write_surface(replace(ball, frame=frame), tmp_path / "ball.surf.gii")
@@ -125,19 +125,19 @@ def test_an_image_keeps_its_frame_as_its_file_does(ball: TriSurface, tmp_path: P
         ({"volumes": {"t": np.zeros((4, 4, 4))}}, "the volume t is a ndarray, which does not say where its voxels"),
     ],
 )
-def test_what_no_mesh_can_take_is_refused_in_words(ball: TriSurface, more: dict[str, Any], words: str) -> None:
+def test_what_no_mesh_can_take_is_refused_in_words(ball, more, words):
     with pytest.raises(InputError, match=re.escape(words)):
         cortet.mesh(ball, 6.0, progress=False, **more)
 
 
-def test_a_surface_in_memory_brings_fields_that_are_checked_as_well(ball: TriSurface) -> None:
+def test_a_surface_in_memory_brings_fields_that_are_checked_as_well(ball):
     height = ball.points[:, 2].copy()
     height[3] = np.nan
     with pytest.raises(InputError, match="the field height is not finite at 1 vertices, the first is vertex 3"):
         cortet.mesh(replace(ball, point_data={"height": height}), 6.0, progress=False)
 
 
-def test_an_image_in_memory_is_a_volume_as_its_file_is(ball: TriSurface, tmp_path: Path) -> None:
+def test_an_image_in_memory_is_a_volume_as_its_file_is(ball, tmp_path):
     labels = np.full((16, 16, 16), 3, np.int16)
     image = nib.Nifti1Image(labels, np.diag([2.0, 2, 2, 1]) + np.array([[0, 0, 0, -15.0]] * 3 + [[0] * 4]))
     nib.save(image, file := tmp_path / "tissue_dseg.nii.gz")
@@ -150,9 +150,7 @@ def test_an_image_in_memory_is_a_volume_as_its_file_is(ball: TriSurface, tmp_pat
     assert list(tables[2]["tetrahedra"]) == list(tables[0]["tetrahedra"])  # a file of its own names its labels
 
 
-def test_arrays_with_a_coordinate_that_is_not_finite_are_repaired_as_their_file_is(
-    ball: TriSurface, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_arrays_with_a_coordinate_that_is_not_finite_are_repaired_as_their_file_is(ball, caplog):
     points = ball.points.copy()
     points[5, 1] = np.nan
     assert cortet.mesh((points, ball.faces), COARSE, progress=False).certified
@@ -161,7 +159,7 @@ def test_arrays_with_a_coordinate_that_is_not_finite_are_repaired_as_their_file_
         cortet.mesh((points, ball.faces), 6.0, settings={"repair": {"enabled": False}}, progress=False)
 
 
-def test_a_field_and_a_sphere_may_be_files(ball: TriSurface, tmp_path: Path) -> None:
+def test_a_field_and_a_sphere_may_be_files(ball, tmp_path):
     """The sidecar names the file of the field, as that of the command does; through the sphere vertices correspond."""
     sphere = replace(ball, points=100 * ball.points / np.linalg.norm(ball.points, axis=1, keepdims=True))
     write_surface(sphere, tmp_path / "ball.sphere.gii")
@@ -183,7 +181,7 @@ def test_a_field_and_a_sphere_may_be_files(ball: TriSurface, tmp_path: Path) -> 
     assert {file.name for file in made.inputs} == {"height.shape.gii", "ball.sphere.gii"}  # never overwritten
 
 
-def test_a_mesh_has_its_arrays_its_certificate_and_its_fields(made: cortet.Mesh) -> None:
+def test_a_mesh_has_its_arrays_its_certificate_and_its_fields(made):
     assert made.certified and made.certificate.quality.q.max == pytest.approx(made.quality.max())
     assert made.cells.shape[1] == 4 and made.points.shape[1] == 3
     assert np.corrcoef(made.mesh.point_data["height"], made.points[:, 2])[0, 1] > 0.95
@@ -192,12 +190,12 @@ def test_a_mesh_has_its_arrays_its_certificate_and_its_fields(made: cortet.Mesh)
     assert f"{len(made.cells):,} tetrahedra\n worst q 0." in repr(made) and "certified" in repr(made)
 
 
-def test_the_same_call_gives_the_same_bits(ball: TriSurface, made: cortet.Mesh) -> None:
+def test_the_same_call_gives_the_same_bits(ball, made):
     again = cortet.mesh((ball.points, ball.faces), COARSE, ga=24, settings={"generate": {"meshers": ["lattice"]}})
     assert again.points.tobytes() == made.points.tobytes() and again.cells.tobytes() == made.cells.tobytes()
 
 
-def test_pyvista_gets_every_field_and_the_quality(made: cortet.Mesh) -> None:
+def test_pyvista_gets_every_field_and_the_quality(made):
     grid = made.to_pyvista()
     assert grid.n_cells == len(made.cells)
     assert np.array_equal(grid.cell_data["q"], made.quality.astype(np.float32))
@@ -206,12 +204,12 @@ def test_pyvista_gets_every_field_and_the_quality(made: cortet.Mesh) -> None:
 
 
 @pytest.mark.parametrize("size", [(0, 0), (-3, 5), (3.5, 2), (100_000, 5), (1, 2, 3), 5, "big"])
-def test_a_picture_of_no_size_is_refused(made: cortet.Mesh, size: Any) -> None:
+def test_a_picture_of_no_size_is_refused(made, size):
     with pytest.raises(InputError, match="pixels cannot be drawn .*from 1 to"):
         made.plot(size)
 
 
-def test_a_notebook_shows_verdict_picture_and_checks(made: cortet.Mesh) -> None:
+def test_a_notebook_shows_verdict_picture_and_checks(made):
     page = made._repr_html_()
     assert (
         "tetrahedra<br> worst q" in page and "data:image/webp;base64," in page and page.count("✓") == len(made.checks())
@@ -219,16 +217,14 @@ def test_a_notebook_shows_verdict_picture_and_checks(made: cortet.Mesh) -> None:
 
 
 @pytest.mark.parametrize("ending", [".vtu", ".inp", ".msh"])
-def test_it_is_saved_in_the_format_of_its_ending_and_certified_again(
-    made: cortet.Mesh, ball: TriSurface, tmp_path: Path, ending: str
-) -> None:
+def test_it_is_saved_in_the_format_of_its_ending_and_certified_again(made, ball, tmp_path, ending):
     path = made.save(tmp_path / f"ball{ending}")
     assert path.exists()
     if ending == ".vtu":
         assert cortet.certify(vtu.read(path), made.surface, COARSE).certified
 
 
-def test_no_file_of_others_is_replaced_unless_forced_and_no_input_ever(ball: TriSurface, tmp_path: Path) -> None:
+def test_no_file_of_others_is_replaced_unless_forced_and_no_input_ever(ball, tmp_path):
     source = tmp_path / "ball.surf.gii"
     write_surface(ball, source)
     made = cortet.mesh(source, COARSE, progress=False)
@@ -241,12 +237,12 @@ def test_no_file_of_others_is_replaced_unless_forced_and_no_input_ever(ball: Tri
     assert len(vtu.read(theirs).cells) == len(made.cells)
 
 
-def test_what_cannot_be_written_is_said_with_its_file(made: cortet.Mesh) -> None:
+def test_what_cannot_be_written_is_said_with_its_file(made):
     with pytest.raises(InputError, match=r"/proc/none: no file can be written to this folder: .*another folder"):
         made.save("/proc/none/x.vtu")
 
 
-def test_a_mesh_that_is_not_certified_is_saved_only_if_forced(ball: TriSurface, tmp_path: Path) -> None:
+def test_a_mesh_that_is_not_certified_is_saved_only_if_forced(ball, tmp_path):
     strict = cortet.mesh(ball, COARSE, settings={"certify": {"q_max": 0.01}}, progress=False)
     assert not strict.certified and "NOT certified" in repr(strict)
     with pytest.raises(InputError, match="not certified.*force=True"):
@@ -255,21 +251,19 @@ def test_a_mesh_that_is_not_certified_is_saved_only_if_forced(ball: TriSurface, 
     assert strict.save(tmp_path / "x.vtu", force=True).exists()
 
 
-def test_a_broken_surface_is_repaired_and_said_how(ball: TriSurface) -> None:
+def test_a_broken_surface_is_repaired_and_said_how(ball):
     mended, report = cortet.repair((ball.points, ball.faces[1:]))
     assert len(mended.faces) >= len(ball.faces)
     assert any(report.values())
 
 
-def test_meshes_are_compared_number_by_number(ball: TriSurface, made: cortet.Mesh) -> None:
+def test_meshes_are_compared_number_by_number(ball, made):
     table = cortet.compare({"a": made, "b": made.mesh}, made.surface, COARSE)
     assert list(table.columns) == ["a", "b"] and len(table) > 5
     assert (table["a"] == table["b"]).all()
 
 
-def test_a_mesh_of_a_file_is_checked_and_what_is_none_is_said(
-    ball: TriSurface, made: cortet.Mesh, tmp_path: Path
-) -> None:
+def test_a_mesh_of_a_file_is_checked_and_what_is_none_is_said(ball, made, tmp_path):
     file = made.save(tmp_path / "ball.vtu")
     assert cortet.certify(file, ball, 3.0).quality.tets == len(made.cells)
     with pytest.raises(InputError, match=r"an object of type NoneType is not a mesh .*what `cortet.mesh` returns"):
@@ -280,7 +274,7 @@ def test_a_mesh_of_a_file_is_checked_and_what_is_none_is_said(
         cortet.compare({}, ball)
 
 
-def test_a_mesh_folds_from_the_age_it_was_made_at(made: cortet.Mesh, tmp_path: Path) -> None:
+def test_a_mesh_folds_from_the_age_it_was_made_at(made, tmp_path):
     said: list[float] = []
     small = {"thickness": 3.0, "allow_volume": True}
     folded = cortet.fold(made, end=24.2, progress=lambda row, part, _: said.append(part), **small)
@@ -318,7 +312,7 @@ def test_a_mesh_folds_from_the_age_it_was_made_at(made: cortet.Mesh, tmp_path: P
         cortet.fold(made, thickness=-1.0)
 
 
-def test_the_interface_is_listed_and_nothing_else_is_public() -> None:
+def test_the_interface_is_listed_and_nothing_else_is_public():
     assert set(cortet.__all__) <= set(dir(cortet))
     from cortet import api, errors
     from cortet.api import folding as calls
@@ -329,14 +323,12 @@ def test_the_interface_is_listed_and_nothing_else_is_public() -> None:
 
 
 @pytest.mark.parametrize("age", ["28", "28 weeks", True])
-def test_an_age_that_is_no_number_is_refused_in_words(ball: TriSurface, age: object) -> None:
+def test_an_age_that_is_no_number_is_refused_in_words(ball, age):
     with pytest.raises(InputError, match=r"the gestational age in weeks is .*, not a number \(use 12 to 60\)"):
         cortet.mesh(ball, COARSE, ga=age)  # type: ignore[arg-type]
 
 
-def test_a_full_disk_loses_neither_the_mesh_that_was_there_nor_its_certificate(
-    made: cortet.Mesh, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_loses_neither_the_mesh_that_was_there_nor_its_certificate(made, tmp_path, monkeypatch):
     def files() -> dict[str, bytes]:
         return {path.name: path.read_bytes() for path in tmp_path.iterdir()}
 

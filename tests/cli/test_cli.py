@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cubes import cube_mesh
-from cyclopts import App, Argument, ArgumentCollection, Token
+from cyclopts import Argument, ArgumentCollection, Token
 from shapes import ball_mesh, ball_surface
 
 import cortet
@@ -38,7 +38,7 @@ def ball(tmp_path: Path) -> Path:
     return tmp_path / "ball.surf.gii"
 
 
-def test_the_command_starts_without_loading_anything_heavy() -> None:
+def test_the_command_starts_without_loading_anything_heavy():
     code = (
         "import sys; from cortet.cli import main; main(['--help']); main(['fold', '--help']); "
         "print(*{'numpy', 'numba', 'gmsh', 'pyvista', 'pydantic', 'scipy', 'pandas', 'nibabel'} & set(sys.modules))"
@@ -47,7 +47,7 @@ def test_the_command_starts_without_loading_anything_heavy() -> None:
     assert "cortet fold --status DIR" in shown and not shown.splitlines()[-1]
 
 
-def test_neither_the_package_nor_a_job_loads_the_library_of_the_command() -> None:
+def test_neither_the_package_nor_a_job_loads_the_library_of_the_command():
     code = "import sys, cortet.pipeline, cortet.cohort.jobs, cortet.api; print('cyclopts' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"
 
@@ -65,7 +65,7 @@ def test_neither_the_package_nor_a_job_loads_the_library_of_the_command() -> Non
         ["job", "x.inp", "-o", "job"],
     ],
 )
-def test_wrong_usage_exits_with_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_usage_exits_with_2(arguments, capsys):
     with pytest.raises(SystemExit) as stopped:
         main(arguments)
     told = capsys.readouterr().err
@@ -81,25 +81,19 @@ def test_wrong_usage_exits_with_2(arguments: list[str], capsys: pytest.CaptureFi
         ("growth a.gii b.gii --ages 30 28 -o y.func.gii", "not after the early one"),
     ],
 )
-def test_options_that_do_not_go_together_are_wrong_usage(
-    words: str, told: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_options_that_do_not_go_together_are_wrong_usage(words, told, capsys):
     assert main(words.split()) == 2
     assert told in capsys.readouterr().err
 
 
-def test_a_folder_for_a_workflow_must_be_empty_and_nothing_forces_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_folder_for_a_workflow_must_be_empty_and_nothing_forces_it(tmp_path, capsys):
     (tmp_path / "notes.txt").touch()
     assert main(["workflow", str(tmp_path)]) == 1
     assert "is not empty (name an empty or a new folder)" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("words", "command"), [pytest.param(*one, id=one[0]) for one in commands()])
-def test_the_help_of_a_command_ends_with_an_example(
-    words: str, command: App, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_help_of_a_command_ends_with_an_example(words, command, monkeypatch, capsys):
     """The example is one line of a narrow terminal, and the command takes it."""
     monkeypatch.setenv("COLUMNS", "80")
     assert main([*words.split()[1:], "--help"]) == 0
@@ -123,7 +117,7 @@ NUMBERS = [
 ]
 
 
-def test_every_number_of_the_command_has_limits() -> None:
+def test_every_number_of_the_command_has_limits():
     """A plain float or int, or a function of its own, would take 1e308; files and names are not numbers."""
     for words, _, one in options():
         kind = one.parameter.converter
@@ -138,9 +132,7 @@ def test_every_number_of_the_command_has_limits() -> None:
 
 
 @pytest.mark.parametrize(("words", "every", "option"), NUMBERS)
-def test_a_number_beyond_its_limits_is_refused_in_one_sentence(
-    words: str, every: ArgumentCollection, option: Argument, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_number_beyond_its_limits_is_refused_in_one_sentence(words, every, option, capsys):
     kind = option.parameter.converter
     assert isinstance(kind, Number)
     beyond = [
@@ -178,7 +170,7 @@ def required(every: ArgumentCollection, but: Argument) -> Iterator[str]:
             yield from [*([] if one.field_info.is_positional else [one.name]), *[value] * one.token_count()[0]]
 
 
-def test_gate_gives_one_verdict_per_file(ball: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_gate_gives_one_verdict_per_file(ball, tmp_path, capsys):
     surface = read_surface(ball)
     opened = tmp_path / "open.surf.gii"
     write_surface(TriSurface(surface.points, surface.faces[2:]), opened)
@@ -193,7 +185,7 @@ def test_gate_gives_one_verdict_per_file(ball: Path, tmp_path: Path, capsys: pyt
     assert main(["gate", str(ball)]) == 0
 
 
-def test_gate_says_what_it_mended(ball: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_gate_says_what_it_mended(ball, tmp_path, capsys):
     surface = read_surface(ball)
     faces = surface.faces.copy()
     faces[:5] = faces[:5, ::-1]
@@ -203,9 +195,7 @@ def test_gate_says_what_it_mended(ball: Path, tmp_path: Path, capsys: pytest.Cap
     assert capsys.readouterr().out.endswith("; 1 unused vertices dropped; 5 faces turned outward\n")
 
 
-def test_repair_writes_surface_report_and_picture(
-    ball: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_repair_writes_surface_report_and_picture(ball, tmp_path, capsys):
     surface = read_surface(ball)
     points = surface.points.copy()
     points[3] = np.nan
@@ -232,7 +222,7 @@ def _limits(folder: Path) -> Path:
     return path
 
 
-def test_an_error_is_one_line_on_stderr(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_error_is_one_line_on_stderr(tmp_path, capsys):
     assert main(["mesh", str(tmp_path / "none.surf.gii"), "-o", str(tmp_path / "x.vtu")]) == 1
     shown = capsys.readouterr()
     assert shown.err.startswith(f"cortet: {tmp_path / 'none.surf.gii'}: cannot be read")
@@ -248,14 +238,12 @@ def test_an_error_is_one_line_on_stderr(tmp_path: Path, capsys: pytest.CaptureFi
         (["-o", "x.vtu", "--field", "thickness=none.shape.gii"], "none.shape.gii"),
     ],
 )
-def test_bad_options_are_refused_before_any_work(
-    options: list[str], complaint: str, ball: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_options_are_refused_before_any_work(options, complaint, ball, capsys):
     assert main(["mesh", str(ball), *options]) == 1
     assert complaint in capsys.readouterr().err
 
 
-def test_quality_prints_a_table_and_the_record_on_request(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_quality_prints_a_table_and_the_record_on_request(tmp_path, capsys):
     vtu.write(cube_mesh(2, side=20.0), tmp_path / "cube.vtu")
     assert main(["quality", str(tmp_path / "cube.vtu")]) == 0
     table = capsys.readouterr().out
@@ -268,18 +256,18 @@ def test_quality_prints_a_table_and_the_record_on_request(tmp_path: Path, capsys
     assert record["tets"] == 48 and f"worst {record['q']['max']:.4f}" in table
 
 
-def test_config_prints_a_configuration_that_can_be_used(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_config_prints_a_configuration_that_can_be_used(tmp_path, capsys):
     assert main(["config", "--setting", "published"]) == 0
     (tmp_path / "c.yaml").write_text(capsys.readouterr().out)
     assert load(tmp_path / "c.yaml") == load({"setting": "published"})
 
 
-def test_a_release_that_does_not_exist_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_release_that_does_not_exist_is_named(tmp_path, capsys):
     assert main(["cohort", "scan", str(tmp_path / "nosuch"), "-o", str(tmp_path / "sheet.tsv")]) == 1
     assert "nosuch: no such folder (name the root of the data release)" in capsys.readouterr().err
 
 
-def test_certify_checks_a_mesh_by_its_surface(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_certify_checks_a_mesh_by_its_surface(tmp_path, capsys):
     mesh = cube_mesh(3, side=6.0)
     surface, _ = boundary_surface(mesh)
     vtu.write(mesh, tmp_path / "cube.vtu")
@@ -295,9 +283,7 @@ def test_certify_checks_a_mesh_by_its_surface(tmp_path: Path, capsys: pytest.Cap
     assert main(["certify", *files, "--q-max", "0.1"]) == 1
 
 
-def test_certify_checks_regions_of_an_exported_mesh_by_the_surfaces_they_were_made_from(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_certify_checks_regions_of_an_exported_mesh_by_the_surfaces_they_were_made_from(tmp_path, capsys):
     files = [str(tmp_path / name) for name in ("two.vtu", "outer.surf.gii", "inner.surf.gii")]
     for path, radius in zip(files[1:], (14.0, 12.0), strict=True):
         write_surface(ball_surface(4, radius), Path(path))
@@ -316,9 +302,7 @@ def test_certify_checks_regions_of_an_exported_mesh_by_the_surfaces_they_were_ma
     assert "its regions are not known: there is no set deep (it has: cortex, white, core)" in capsys.readouterr().err
 
 
-def test_a_white_surface_is_meshed_without_a_cortex_and_that_is_said(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_white_surface_is_meshed_without_a_cortex_and_that_is_said(tmp_path, capsys):
     """In words, in the sidecar, on the page and in its sets; a layer that is asked for is there."""
     given, out, page = tmp_path / "lh.white.surf.gii", tmp_path / "x.vtu", tmp_path / "x.html"
     write_surface(ball_surface(3, 14.0), given)
@@ -336,16 +320,14 @@ def test_a_white_surface_is_meshed_without_a_cortex_and_that_is_said(
     assert made.kind == "white" and made.named().sets.cells.keys() == {"core"}
 
 
-def test_phantom_writes_a_surface_of_that_age(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_phantom_writes_a_surface_of_that_age(tmp_path, capsys):
     path = tmp_path / "p.surf.gii"
     assert main(["phantom", "--ga", "26", "--subdivisions", "3", "-o", str(path)]) == 0
     assert len(read_surface(path).points) == 642
     assert capsys.readouterr().out == f"{path}: 642 vertices, 1280 faces\n"
 
 
-def test_cohort_scan_writes_a_sheet_and_names_what_has_no_age(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_cohort_scan_writes_a_sheet_and_names_what_has_no_age(tmp_path, capsys):
     for session in ("1", "2"):
         folder = tmp_path / "release" / "sub-A" / f"ses-{session}" / "anat"
         folder.mkdir(parents=True)
@@ -362,7 +344,7 @@ def test_cohort_scan_writes_a_sheet_and_names_what_has_no_age(
     assert "1 without a gestational age, so not folded: sub-A_ses-2_hemi-L (adults have none" in shown
 
 
-def test_a_dry_run_of_the_group_alone_ends_as_the_run_does(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_dry_run_of_the_group_alone_ends_as_the_run_does(tmp_path, capsys):
     folder = tmp_path / "bids/sub-A/anat"
     folder.mkdir(parents=True)
     (folder / "sub-A_hemi-left_wm.surf.gii").touch()
@@ -372,7 +354,7 @@ def test_a_dry_run_of_the_group_alone_ends_as_the_run_does(tmp_path: Path, capsy
     assert ends[0][0] == 1 and "holds no mesh of these cases yet" in ends[0][1]
 
 
-def test_cohort_scan_replaces_no_sheet_unasked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_cohort_scan_replaces_no_sheet_unasked(tmp_path, capsys):
     def found(participant: str) -> None:
         folder = tmp_path / "release" / f"sub-{participant}" / "anat"
         folder.mkdir(parents=True)
@@ -398,7 +380,7 @@ def test_cohort_scan_replaces_no_sheet_unasked(tmp_path: Path, capsys: pytest.Ca
     assert sheet.read_bytes().startswith(scanned)
 
 
-def test_convert_writes_the_format_of_the_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_convert_writes_the_format_of_the_name(tmp_path, capsys):
     source, target = tmp_path / "cube.vtu", tmp_path / "cube.inp"
     vtu.write(cube_mesh(2), source)
     assert main(["convert", str(source), str(target), "--source-unit", "mm"]) == 0
@@ -406,9 +388,7 @@ def test_convert_writes_the_format_of_the_name(tmp_path: Path, capsys: pytest.Ca
     assert main(["convert", str(target), str(tmp_path / "cube.obj")]) == 1
 
 
-def test_a_mesh_that_was_changed_after_cortet_wrote_it_is_told(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_mesh_that_was_changed_after_cortet_wrote_it_is_told(tmp_path, capsys):
     vtu.write(cube_mesh(2), tmp_path / "a.vtu")
     exported = tmp_path / "cube.vtu"
     given = ["convert", str(tmp_path / "a.vtu"), str(exported), "--source-unit", "mm"]
@@ -424,14 +404,14 @@ def test_a_mesh_that_was_changed_after_cortet_wrote_it_is_told(
     assert "cube.vtu: changed after cortet wrote it" in told.err
 
 
-def test_a_path_may_have_an_equals_sign() -> None:
+def test_a_path_may_have_an_equals_sign():
     assert inner_file("white=/a=1/white.surf.gii") == ("white", "/a=1/white.surf.gii")
     assert inner_file("/a=1/white.surf.gii") == ("white", "/a=1/white.surf.gii")
     with pytest.raises(ValueError, match="is not NAME=FILE"):
         inner_file("my white=white.surf.gii")
 
 
-def test_convert_scales_carp_files_as_asked(tmp_path: Path) -> None:
+def test_convert_scales_carp_files_as_asked(tmp_path):
     vtu.write(cube_mesh(1, side=2.0), tmp_path / "cube.vtu")
     assert main(["convert", str(tmp_path / "cube.vtu"), str(tmp_path / "cube.pts"), "--source-unit", "mm"]) == 0
     assert "2000 2000 2000" in (tmp_path / "cube.pts").read_text()
@@ -439,9 +419,7 @@ def test_convert_scales_carp_files_as_asked(tmp_path: Path) -> None:
     assert "2.000000000 2.000000000 2.000000000" in (tmp_path / "back.mesh").read_text()
 
 
-def test_certify_has_the_limits_of_the_workflow_and_says_them(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_certify_has_the_limits_of_the_workflow_and_says_them(tmp_path, capsys):
     surface, floating = ball_surface(3, radius=20.0), ball_mesh(3, radius=20.1)
     write_surface(surface, tmp_path / "ball.surf.gii")
     vtu.write(floating, tmp_path / "ball.vtu")
@@ -453,12 +431,12 @@ def test_certify_has_the_limits_of_the_workflow_and_says_them(
 
 
 @pytest.mark.parametrize("words", [["quality", ""], ["certify", "."], ["picture", "", "-o", "y.png"]])
-def test_a_folder_in_place_of_a_mesh_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_in_place_of_a_mesh_is_refused(words, capsys):
     assert main(words) == 1
     assert "is a folder (name a mesh file)" in capsys.readouterr().err
 
 
-def test_a_reader_that_has_enough_is_no_error(tmp_path: Path) -> None:
+def test_a_reader_that_has_enough_is_no_error(tmp_path):
     vtu.write(cube_mesh(1), tmp_path / "cube.vtu")
     pipe = f"{sys.executable} -m cortet.cli quality {tmp_path / 'cube.vtu'} --json | head -c 1"
     done = subprocess.run(["bash", "-c", pipe], capture_output=True, text=True, check=False)
@@ -469,18 +447,14 @@ def test_a_reader_that_has_enough_is_no_error(tmp_path: Path) -> None:
     ("step", "words"),
     [("1", "time step 1 "), ("1e-7", "time step 1e-07 "), ("1e-9", "fold.time_step = 1e-09")],
 )
-def test_a_time_step_that_is_not_stable_is_refused(
-    step: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_time_step_that_is_not_stable_is_refused(step, words, tmp_path, capsys):
     vtu.write(ball_mesh(2, radius=20.0), tmp_path / "ball.vtu")
     command = ["fold", str(tmp_path / "ball.vtu"), "--ga", "22", "-o", str(tmp_path / "folded"), f"--time-step={step}"]
     assert main(command) == 1
     assert words in capsys.readouterr().err
 
 
-def test_a_fold_of_the_other_hemisphere_or_age_than_the_files_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_fold_of_the_other_hemisphere_or_age_than_the_files_is_refused(tmp_path, capsys):
     path = tmp_path / "x.surf.gii"
     write_surface(ball_surface(3, 14.0), path)
     text = path.read_text()
@@ -502,7 +476,7 @@ def test_a_fold_of_the_other_hemisphere_or_age_than_the_files_is_refused(
     assert not (tmp_path / "folded").exists()
 
 
-def test_a_fold_that_was_killed_goes_on_with_the_age_of_its_file(tmp_path: Path) -> None:
+def test_a_fold_that_was_killed_goes_on_with_the_age_of_its_file(tmp_path):
     assert main(["phantom", "--ga", "24", "--subdivisions", "4", "-o", str(tmp_path / "x.surf.gii")]) == 0
     mesh = ["mesh", str(tmp_path / "x.surf.gii"), "--ga", "24", "--cell-size", "4", "-o", str(tmp_path / "x.vtu")]
     assert main(mesh) == 0
@@ -529,9 +503,7 @@ def test_a_fold_that_was_killed_goes_on_with_the_age_of_its_file(tmp_path: Path)
         ("run sheet.tsv out --formats gmsh_v2", "use gmsh"),
     ],
 )
-def test_who_asks_for_what_went_is_told_what_to_use_instead(
-    words: str, instead: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_who_asks_for_what_went_is_told_what_to_use_instead(words, instead, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     vtu.write(cube_mesh(2, side=40.0), tmp_path / "x.vtu")
     for name in ("x.feb", "x.mesh"):
@@ -542,9 +514,7 @@ def test_who_asks_for_what_went_is_told_what_to_use_instead(
     assert instead in said and len(said.splitlines()) == 1
 
 
-def test_meshes_of_one_surface_are_compared_by_the_same_limits(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_meshes_of_one_surface_are_compared_by_the_same_limits(tmp_path, capsys):
     ball = ball_mesh()
     larger = TetMesh(1.01 * ball.points, ball.cells)
     for name, mesh in {"exact.vtu": ball, "larger.vtu": larger, "other/exact.vtu": ball}.items():

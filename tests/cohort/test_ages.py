@@ -51,9 +51,7 @@ READ: list[tuple[str, dict[str, str] | None, str, float | str]] = [
 
 
 @pytest.mark.parametrize(("column", "described", "value", "found"), READ)
-def test_an_age_is_read_by_the_unit_that_the_dataset_states_or_the_reason_is_given(
-    tmp_path: Path, column: str, described: dict[str, str] | None, value: str, found: float | str
-) -> None:
+def test_an_age_is_read_by_the_unit_of_the_dataset_or_the_reason_is_given(tmp_path, column, described, value, found):
     known, said = ages(dataset(tmp_path, column, {"a": value}, described))
     if isinstance(found, str):
         assert known == [None]
@@ -62,7 +60,7 @@ def test_an_age_is_read_by_the_unit_that_the_dataset_states_or_the_reason_is_giv
         assert known == [found] and said.startswith(f"ages are from column {column} of participants.tsv, in ")
 
 
-def test_a_configuration_may_name_the_column_age_whose_unit_the_sidecar_still_states(tmp_path: Path) -> None:
+def test_a_configuration_may_name_the_column_age_whose_unit_the_sidecar_still_states(tmp_path):
     named = Scan(age_columns=["age"])
     folder = dataset(tmp_path, "age", {"a": "28"})
     assert ages(folder, named)[0] == [28.0]
@@ -71,7 +69,7 @@ def test_a_configuration_may_name_the_column_age_whose_unit_the_sidecar_still_st
     assert found == [None] and "in years" in said
 
 
-def test_columns_and_keys_in_another_case_are_the_same_and_a_column_twice_is_refused(tmp_path: Path) -> None:
+def test_columns_and_keys_in_another_case_are_the_same_and_a_column_twice_is_refused(tmp_path):
     folder = dataset(tmp_path, "Scan_Age", {"a": "196"})
     (folder / "participants.json").write_text('{"SCAN_AGE": {"Units": "days"}}')
     assert ages(folder)[0] == [28.0]
@@ -80,7 +78,7 @@ def test_columns_and_keys_in_another_case_are_the_same_and_a_column_twice_is_ref
         ages(folder)
 
 
-def test_sessions_that_share_the_age_of_their_participant_are_named(tmp_path: Path) -> None:
+def test_sessions_that_share_the_age_of_their_participant_are_named(tmp_path):
     folder = dataset(tmp_path, "scan_age", {"a": "28", "b": "30"})
     for session in ("1", "2"):
         (folder / f"sub-a/ses-{session}/anat").mkdir(parents=True)
@@ -94,7 +92,7 @@ def test_sessions_that_share_the_age_of_their_participant_are_named(tmp_path: Pa
     assert "not read: 2000 in column ga of sub-{participant}" in said and "share" not in said
 
 
-def test_a_table_that_is_not_needed_is_neither_read_nor_spoken_of(tmp_path: Path) -> None:
+def test_a_table_that_is_not_needed_is_neither_read_nor_spoken_of(tmp_path):
     folder, anat = tmp_path, tmp_path / "sub-a/ses-1/anat"
     anat.mkdir(parents=True)
     (anat / "sub-a_ses-1_hemi-L_white.surf.gii").touch()
@@ -107,14 +105,14 @@ def test_a_table_that_is_not_needed_is_neither_read_nor_spoken_of(tmp_path: Path
 
 
 @pytest.mark.parametrize("separator", [";", ",", "   "])
-def test_a_table_that_no_tabs_separate_is_refused(tmp_path: Path, separator: str) -> None:
+def test_a_table_that_no_tabs_separate_is_refused(tmp_path, separator):
     folder = dataset(tmp_path, "scan_age", {"01": "28"})
     (folder / "participants.tsv").write_text(f"participant_id{separator}scan_age\nsub-01{separator}28\n")
     with pytest.raises(InputError, match=rf"participants.tsv: .*'{separator}'"):
         ages(folder)
 
 
-def test_a_sidecar_that_is_none_is_refused(tmp_path: Path) -> None:
+def test_a_sidecar_that_is_none_is_refused(tmp_path):
     folder = dataset(tmp_path, "scan_age", {"a": "28"})
     for text, words in (("{", "is not JSON"), ("[1]", "holds no keys")):
         (folder / "participants.json").write_text(text)
@@ -122,7 +120,7 @@ def test_a_sidecar_that_is_none_is_refused(tmp_path: Path) -> None:
             scan(folder)
 
 
-def test_rows_that_contradict_each_other_give_no_age(tmp_path: Path) -> None:
+def test_rows_that_contradict_each_other_give_no_age(tmp_path):
     folder = dataset(tmp_path, "scan_age", {"a": "30", "b": "31"})
     with (folder / "participants.tsv").open("a") as table:
         table.write("sub-a\t35\nsub-b\t31.0\n")

@@ -31,7 +31,7 @@ def described(places: Places, *files: Path) -> dict[str, object]:
     return found
 
 
-def test_the_folder_says_what_made_it_and_what_is_not_bids(places: Places) -> None:
+def test_the_folder_says_what_made_it_and_what_is_not_bids(places):
     description = described(places)
     assert {"Name", "BIDSVersion"} <= description.keys()  # required of every dataset
     assert description["DatasetType"] == "derivative"
@@ -40,7 +40,7 @@ def test_the_folder_says_what_made_it_and_what_is_not_bids(places: Places) -> No
     assert "cohort" in (places.output / ".bidsignore").read_text().splitlines()
 
 
-def test_sources_are_bids_uris_whose_names_the_description_explains(places: Places, tmp_path: Path) -> None:
+def test_sources_are_bids_uris_whose_names_the_description_explains(places, tmp_path):
     other = tmp_path / "elsewhere/atlas data"
     other.mkdir(parents=True)
     (other / "dataset_description.json").write_text(json.dumps({"DatasetDOI": "doi:10.1/x"}))
@@ -58,12 +58,12 @@ def test_sources_are_bids_uris_whose_names_the_description_explains(places: Plac
     assert {"URL": "../../dhcp"} in datasets and [one["DOI"] for one in datasets if "DOI" in one] == ["doi:10.1/x"]
 
 
-def test_two_datasets_of_one_name_have_two(places: Places, tmp_path: Path) -> None:
+def test_two_datasets_of_one_name_have_two(places, tmp_path):
     files = [tmp_path / part / "surfaces/a.surf.gii" for part in ("one", "two")]
     assert len({places.uri(file) for file in files}) == 2
 
 
-def test_every_desc_is_documented(tmp_path: Path) -> None:
+def test_every_desc_is_documented(tmp_path):
     config = {"generate": {"meshers": ["lattice", "cgal"]}}
     settings = {"": load(config), "Published": load({**config, "setting": "published"})}
     write_descriptions(descriptions(settings), tmp_path / "descriptions.tsv")
@@ -75,7 +75,7 @@ def test_every_desc_is_documented(tmp_path: Path) -> None:
     assert "desc-cgalPublishedGenerated" not in table, "its meshes of S1 are shared"
 
 
-def test_an_output_folder_with_braces_is_refused_before_anything_is_made(tmp_path: Path) -> None:
+def test_an_output_folder_with_braces_is_refused_before_anything_is_made(tmp_path):
     with pytest.raises(InputError, match=r"has braces in its name, which are wildcards to Snakemake"):
         lock(tmp_path / "bids", tmp_path / "out{x}")
     assert not list(tmp_path.iterdir())
@@ -84,14 +84,14 @@ def test_an_output_folder_with_braces_is_refused_before_anything_is_made(tmp_pat
 
 
 @pytest.mark.parametrize("folder", ["my env", "env (1)", "it's", 'so "named"', "a$b"])
-def test_a_python_that_snakemake_cannot_call_is_refused(folder: str) -> None:
+def test_a_python_that_snakemake_cannot_call_is_refused(folder):
     """Snakemake issue 2645."""
     require_plain_python("/home/josé/env-1.2/bin/python")
     with pytest.raises(InputError, match="Snakemake cannot run jobs by a Python whose path has"):
         require_plain_python(f"/home/{folder}/bin/python")
 
 
-def test_the_last_line_of_a_run_counts_what_the_table_of_states_says(tmp_path: Path) -> None:
+def test_the_last_line_of_a_run_counts_what_the_table_of_states_says(tmp_path):
     case = Case("01", None, "L", 28.0, "phantom")
     plan = Plan({"": load({"output": str(tmp_path)})}, [case])
     page = tmp_path / "cohort/index.html"

@@ -32,7 +32,7 @@ def holder(folder: Path) -> tuple[subprocess.Popen[str], int]:
     return process, int(process.stdout.readline())
 
 
-def test_a_second_run_is_told_who_is_first_and_kill_9_leaves_nothing_to_remove(tmp_path: Path) -> None:
+def test_a_second_run_is_told_who_is_first_and_kill_9_leaves_nothing_to_remove(tmp_path):
     folder = tmp_path / "new" / "out"
     first, child = holder(folder)
     owner = f"another run writes to it: process {first.pid} on .*, started in {Path.cwd()}"
@@ -48,19 +48,19 @@ def test_a_second_run_is_told_who_is_first_and_kill_9_leaves_nothing_to_remove(t
     os.kill(child, signal.SIGKILL)
 
 
-def test_a_folder_that_cannot_be_written_to_is_named(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_to_is_named(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match=r"file/out: cannot be written to: Not a directory"):
         hold(tmp_path / "file" / "out")
 
 
-def test_asking_whether_a_folder_is_free_writes_nothing(tmp_path: Path) -> None:
+def test_asking_whether_a_folder_is_free_writes_nothing(tmp_path):
     require_free(tmp_path / "new")
     require_free(tmp_path)
     assert not list(tmp_path.iterdir())
 
 
-def test_the_text_of_a_lock_that_nobody_holds_counts_for_nothing(tmp_path: Path) -> None:
+def test_the_text_of_a_lock_that_nobody_holds_counts_for_nothing(tmp_path):
     text = f"process {os.getppid()} on {socket.gethostname()}, started in /somewhere"
     (tmp_path / NAME).write_text(text)
     assert not is_held_by_parent(tmp_path)

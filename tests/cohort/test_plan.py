@@ -39,13 +39,13 @@ def mesh_job(case: Case, **wildcards: str) -> dict[str, str]:
     return job(case, res="2000", mesher="lattice", **wildcards)
 
 
-def test_every_included_case_is_asked_for_at_every_size_by_every_mesher() -> None:
+def test_every_included_case_is_asked_for_at_every_size_by_every_mesher():
     asked = plan(generate={"cell_size": [2.0, 1.0], "meshers": ["lattice", "cgal"]})
     meshes = asked.each_case(asked.layout.certificate)
     assert len(meshes) == 3 * 2 * 2 and ("sub-out_hemi-L", 2000, "lattice") not in meshes
 
 
-def test_a_case_with_a_cell_size_of_its_own_is_meshed_at_that_size_alone() -> None:
+def test_a_case_with_a_cell_size_of_its_own_is_meshed_at_that_size_alone():
     fine = replace(GOOD, participant="fine", cell_size=0.8)
     asked = plan(GOOD, fine, generate={"cell_size": [2.0, 1.5]}, fold={"cases": "all"})
     meshes = asked.each_case(asked.layout.certificate)
@@ -53,7 +53,7 @@ def test_a_case_with_a_cell_size_of_its_own_is_meshed_at_that_size_alone() -> No
     assert [row["cell_size_mm"] for row in Folds(asked).runs().values() if row["case"] == fine.name] == [0.8]
 
 
-def test_the_line_of_a_case_follows_from_its_row() -> None:
+def test_the_line_of_a_case_follows_from_its_row():
     def line(case: Case, **more: str) -> list[str]:
         return [stage.name for stage in plan().line(mesh_job(case, **more))]
 
@@ -64,7 +64,7 @@ def test_the_line_of_a_case_follows_from_its_row() -> None:
     )
 
 
-def test_a_run_says_of_cases_without_an_age_what_is_not_done_with_them_and_no_more() -> None:
+def test_a_run_says_of_cases_without_an_age_what_is_not_done_with_them_and_no_more():
     by_age = {"smooth_surface": {"method": "published"}}
     for sections, said in (
         ({}, []),
@@ -79,7 +79,7 @@ def test_a_run_says_of_cases_without_an_age_what_is_not_done_with_them_and_no_mo
     assert plan(GOOD, MADE, **by_age).notices() == []
 
 
-def test_a_bypassed_stage_is_not_read_from() -> None:
+def test_a_bypassed_stage_is_not_read_from():
     before = plan().mesh_before("clean")
     assert before(mesh_job(GOOD)).endswith("desc-latticeTransferred_tetmesh.vtu")
     assert before(mesh_job(GOOD, setting="Published")).endswith("desc-latticePublishedRelocated_tetmesh.vtu")
@@ -87,7 +87,7 @@ def test_a_bypassed_stage_is_not_read_from() -> None:
     assert without(mesh_job(GOOD)).endswith("desc-latticeCleaned_tetmesh.vtu")
 
 
-def test_stages_that_settings_share_run_by_those_of_the_line() -> None:
+def test_stages_that_settings_share_run_by_those_of_the_line():
     asked = plan(clean={"thresholds": [0.6]}, transfer={"interior": "harmonic"})
     published = mesh_job(GOOD, setting="Published")
     assert asked.arguments("transfer", published)["interior"] == "harmonic"
@@ -95,19 +95,19 @@ def test_stages_that_settings_share_run_by_those_of_the_line() -> None:
     assert asked.arguments("clean", mesh_job(GOOD))["boundary"] == "slide"
 
 
-def test_an_inner_surface_is_told_that_it_is_one() -> None:
+def test_an_inner_surface_is_told_that_it_is_one():
     inner, outer = job(PAIR, inner="white"), job(PAIR)
     assert plan().arguments("gate", inner)["inside"] and "inside" not in plan().arguments("gate", outer)
     assert plan().locations("gate", inner) == {"source": "white.surf.gii"}
     assert plan().locations("gate", outer) == {"source": "pial.surf.gii"}
 
 
-def test_names_of_files_are_no_parameters() -> None:
+def test_names_of_files_are_no_parameters():
     assert "source" not in plan().arguments("gate", job(GOOD))
     assert plan().stages_before("gate", job(GOOD)) == ["repair"]
 
 
-def test_a_missing_file_is_no_input_and_a_phantom_is_made(tmp_path: Path) -> None:
+def test_a_missing_file_is_no_input_and_a_phantom_is_made(tmp_path):
     there = replace(GOOD, surface=tmp_path / "there.surf.gii", fields={"t": tmp_path / "none.gii"})
     (tmp_path / "there.surf.gii").write_text("surface")
     asked = plan(there, PAIR, MADE)
@@ -124,7 +124,7 @@ def test_a_missing_file_is_no_input_and_a_phantom_is_made(tmp_path: Path) -> Non
     assert asked.input_sha256(job(MADE)) == {}
 
 
-def test_what_failed_before_its_certificate_is_not_measured() -> None:
+def test_what_failed_before_its_certificate_is_not_measured():
     early, late = ("sub-good_hemi-L", 2000, "lattice"), ("sub-pair_hemi-R", 2000, "lattice")
     failure = {"state": "failed", "reason": "a hole", "log": "x.log"}
     asked = plan(failures={early: {"stage": "gate", **failure}, late: {"stage": "export", **failure}})
@@ -141,7 +141,7 @@ def test_what_failed_before_its_certificate_is_not_measured() -> None:
     assert not asked.is_measured(early) and asked.is_measured(late)
 
 
-def test_folds_are_asked_for_by_case_and_variant() -> None:
+def test_folds_are_asked_for_by_case_and_variant():
     asked = plan(fold={"cases": ["sub-good_hemi-L"], "variants": {"stiff": {"core_stiffness": 2.0}}})
     runs = Folds(asked).runs()
     assert [row["variant"] for row in runs.values()] == [None, "stiff"]
@@ -152,7 +152,7 @@ def test_folds_are_asked_for_by_case_and_variant() -> None:
     ]
 
 
-def test_pictures_of_a_fold_show_the_real_brains_of_its_hemisphere() -> None:
+def test_pictures_of_a_fold_show_the_real_brains_of_its_hemisphere():
     asked = plan(GOOD, PAIR, fold={"real_surfaces": {22: "22_{hemi}.surf.gii", 28.5: "28.surf.gii"}})
     assert Folds(asked).real_surfaces(job(GOOD)) == {"22": "22_L.surf.gii", "28.5": "28.surf.gii"}
     assert Folds(asked).real_surfaces(job(PAIR)) == {"22": "22_R.surf.gii", "28.5": "28.surf.gii"}
@@ -160,7 +160,7 @@ def test_pictures_of_a_fold_show_the_real_brains_of_its_hemisphere() -> None:
     assert Folds(plan(whole, fold=asked.config.fold.model_dump())).real_surfaces(job(whole)) == {"28.5": "28.surf.gii"}
 
 
-def test_pictures_of_a_fold_show_a_map_of_its_weeks() -> None:
+def test_pictures_of_a_fold_show_a_map_of_its_weeks():
     weeks = {"surfaces": [22, 28.5, 40], "variants": {"short": {"end": 26.0}}}
     fold = plan(fold={"picture": "cortex_stress", **weeks})
     place = "out/sub-good/simulation/sub-good_hemi-L_res-2000um_desc-latticeFolded/sub-good_hemi-L_week-28.5_"
@@ -172,25 +172,25 @@ def test_pictures_of_a_fold_show_a_map_of_its_weeks() -> None:
     assert not {"picture", "real_surfaces", "variants", "cases"} & set(Folds(fold).arguments(mesh_job(GOOD)))
 
 
-def test_a_hole_that_no_case_has_is_told() -> None:
+def test_a_hole_that_no_case_has_is_told():
     (notice,) = plan(export={"formats": ["vtu"], "holes": ["white", "ventrcle"]}).notices()
     assert notice == "export.holes: no case has an inner surface ventrcle, they have white"
     assert plan().notices() == []
 
 
-def test_maps_are_of_a_hemispheres_resampled_cases() -> None:
+def test_maps_are_of_a_hemispheres_resampled_cases():
     assert list(plan().maps("L")) == ["sub-made_hemi-L"]
 
 
 @pytest.mark.parametrize("cell_size", ["500", "2000"])
-def test_a_job_asks_for_more_with_more_tetrahedra_and_after_it_was_killed(cell_size: str) -> None:
+def test_a_job_asks_for_more_with_more_tetrahedra_and_after_it_was_killed(cell_size):
     asked = mesh_job(GOOD) | {"res": cell_size}
     assert plan().megabytes("clean", asked, attempt=2) == 2 * plan().megabytes("clean", asked, attempt=1)
     assert plan().minutes("clean", asked) >= plan().minutes("clean", mesh_job(GOOD))
     assert plan().tets(job(GOOD)) == 0
 
 
-def test_what_one_case_lacks_is_for_its_job_to_say(tmp_path: Path) -> None:
+def test_what_one_case_lacks_is_for_its_job_to_say(tmp_path):
     """A plan is of all cases: it fails for none of them."""
     image = replace(GOOD, participant="image", affine=tmp_path / "gone.nii.gz", sphere=Path("sphere.surf.gii"))
     whole = replace(image, participant="whole", hemi=None, affine=None)
@@ -207,7 +207,7 @@ def test_what_one_case_lacks_is_for_its_job_to_say(tmp_path: Path) -> None:
     assert made.arguments("resample", job(image))["template"] == str(tmp_path / "L.surf.gii")
 
 
-def test_planning_loads_nothing_heavy() -> None:
+def test_planning_loads_nothing_heavy():
     """Every job plans, so each library here would cost each of them a quarter of a second and more."""
     heavy = ("numba", "scipy", "nibabel", "pymeshlab", "gmsh", "meshio", "pandas", "matplotlib")
     code = f"import sys, cortet.over_all; print([name for name in {heavy} if name in sys.modules])"
@@ -215,7 +215,7 @@ def test_planning_loads_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_the_experiments_say_what_their_meshes_cost_at_most() -> None:
+def test_the_experiments_say_what_their_meshes_cost_at_most():
     ablation = {"meshers": ["cgal", "tetgen"], "time_limit": 7}
     sections = {"experiments": {"ablation": ablation, "resolution": {"cell_size": [2.0]}}}
     (said,) = Experiments(plan(GOOD, **sections)).costs()

@@ -28,20 +28,20 @@ from cortet.stages.generate import generate
 ROOT = Path(__file__).parents[2]
 
 
-def test_tetrahedra_grow_with_the_volume_and_the_cube_of_the_cell_size() -> None:
+def test_tetrahedra_grow_with_the_volume_and_the_cube_of_the_cell_size():
     assert expected_tets(50.0, 1.0, "cgal") == pytest.approx(4.2 * 50_000)
     assert expected_tets(100.0, 1.0, "cgal") == 2 * expected_tets(50.0, 1.0, "cgal")
     assert expected_tets(50.0, 0.5, "cgal") == pytest.approx(8 * expected_tets(50.0, 1.0, "cgal"))
     assert expected_tets(50.0, 1.0, "netgen") == expected_tets(50.0, 1.0, "cgal") > expected_tets(50.0, 1.0, "lattice")
 
 
-def test_a_surface_of_unknown_age_may_be_as_large_as_an_adult_one() -> None:
+def test_a_surface_of_unknown_age_may_be_as_large_as_an_adult_one():
     assert expected_volume_ml(None) > expected_volume_ml(60.0)
     assert expected_volume_ml(None, whole=True) == 2 * expected_volume_ml(None)
 
 
 @pytest.mark.parametrize("mesher", ["cgal", "lattice"])
-def test_a_ball_has_about_as_many_tetrahedra_as_expected(mesher: str) -> None:
+def test_a_ball_has_about_as_many_tetrahedra_as_expected(mesher):
     ball = ball_surface(3, radius=10.0)
     volume_ml = enclosed_volume(ball.points, ball.faces) / 1000
     mesh, _ = generate(
@@ -53,17 +53,17 @@ def test_a_ball_has_about_as_many_tetrahedra_as_expected(mesher: str) -> None:
 @pytest.mark.parametrize(
     ("weeks", "volume_ml"), [(22, 29.0), (25, 39.3), (28, 52.2), (30, 69.6), (33, 87.4), (40, 94.1)]
 )
-def test_no_template_is_larger_than_expected_of_its_age(weeks: float, volume_ml: float) -> None:
+def test_no_template_is_larger_than_expected_of_its_age(weeks, volume_ml):
     assert volume_ml <= expected_volume_ml(weeks) == expected_volume_ml(weeks, whole=True) / 2
 
 
-def test_a_killed_job_asks_for_twice_the_memory() -> None:
+def test_a_killed_job_asks_for_twice_the_memory():
     first = memory_to_ask_mb(1000.0)
     assert isinstance(first, int) and first > 1000
     assert [memory_to_ask_mb(1000.0, attempt) for attempt in (2, 3)] == [2 * first, 4 * first]
 
 
-def test_a_mesh_that_was_measured_fits_into_what_is_asked_for() -> None:
+def test_a_mesh_that_was_measured_fits_into_what_is_asked_for():
     """MB and CPU seconds of jobs: 34 weeks at 0.6 mm by CGAL, and an adult's white surface by the lattice."""
     measured = {
         ("generate", "cgal"): (1_527_842, 959, 553),
@@ -76,23 +76,23 @@ def test_a_mesh_that_was_measured_fits_into_what_is_asked_for() -> None:
         assert seconds / 60 < minutes_to_ask(cost(rule, mesher).cpu_seconds(tets))
 
 
-def test_the_lattice_has_a_cost_of_its_own_in_s1_only() -> None:
+def test_the_lattice_has_a_cost_of_its_own_in_s1_only():
     assert cost("generate", "lattice") is LATTICE
     assert cost("clean", "lattice") is cost("clean", "cgal") is COSTS["clean"]
     assert cost("gate_inner") is COSTS["gate"]
     assert Cost((100, 10), (1, 5)).memory_mb(2e6) == 120
 
 
-def test_a_rule_without_a_cost_is_an_error_that_names_it() -> None:
+def test_a_rule_without_a_cost_is_an_error_that_names_it():
     with pytest.raises(InputError, match="polish"):
         cost("polish")
 
 
-def test_intermediates_take_almost_half_of_the_disk() -> None:
+def test_intermediates_take_almost_half_of_the_disk():
     assert 1.7 * disk_mb(1e6, keep_intermediates=False) < disk_mb(1e6) == pytest.approx(56.5)
 
 
-def test_the_profile_groups_every_rule_on_a_case_but_the_long_ones() -> None:
+def test_the_profile_groups_every_rule_on_a_case_but_the_long_ones():
     profile = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text())
     grouped = {line.partition("=")[0] for line in profile["groups"]}
     rules = {rule.partition(":")[0] for rule in COSTS}

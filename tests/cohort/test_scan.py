@@ -52,7 +52,7 @@ def freesurfer(folder: Path, *subjects: str) -> Path:
     return touched(folder, *(f"{subject}/surf/{name}" for subject in subjects for name in names))
 
 
-def test_the_white_surfaces_of_a_release_are_found_with_their_ages(tmp_path: Path) -> None:
+def test_the_white_surfaces_of_a_release_are_found_with_their_ages(tmp_path):
     cases, _ = scanned(release(tmp_path))
     assert [(case.name, case.scan_age, Path(case.surface).name) for case in cases] == [
         ("sub-CC01_ses-100_hemi-L", 30.5, "sub-CC01_ses-100_hemi-left_wm.surf.gii"),
@@ -67,7 +67,7 @@ def test_the_white_surfaces_of_a_release_are_found_with_their_ages(tmp_path: Pat
     assert read_sheet(tmp_path / "cohort.tsv") == cases
 
 
-def test_pial_surfaces_are_taken_with_the_white_ones_inside_where_asked(tmp_path: Path) -> None:
+def test_pial_surfaces_are_taken_with_the_white_ones_inside_where_asked(tmp_path):
     left, right, *_ = scan(release(tmp_path), Scan(pial=True))
     assert Path(left.surface).name.endswith("left_pial.surf.gii")
     assert Path(left.inner["white"]).name.endswith("left_wm.surf.gii")
@@ -75,7 +75,7 @@ def test_pial_surfaces_are_taken_with_the_white_ones_inside_where_asked(tmp_path
     assert not any(case.inner for case in scan(tmp_path))
 
 
-def test_the_sphere_beside_a_surface_is_found_the_registered_one_first(tmp_path: Path) -> None:
+def test_the_sphere_beside_a_surface_is_found_the_registered_one_first(tmp_path):
     begin = "sub-CC01_ses-100_hemi-"
     ends = ("left_sphere", "left_sphere.reg40", "right_sphere")
     touched(release(tmp_path) / "sub-CC01/ses-100/anat", *(f"{begin}{end}.surf.gii" for end in ends))
@@ -84,7 +84,7 @@ def test_the_sphere_beside_a_surface_is_found_the_registered_one_first(tmp_path:
     assert not any(case.sphere for case in scan(tmp_path, Scan(spheres=[])))
 
 
-def test_subjects_of_freesurfer_may_have_any_name_but_that_of_the_template(tmp_path: Path) -> None:
+def test_subjects_of_freesurfer_may_have_any_name_but_that_of_the_template(tmp_path):
     cases, said = scanned(freesurfer(tmp_path, "subj_01", "bert.long", "fsaverage"))
     names = [f"sub-{who}_hemi-{hemi}" for who in ("bertlong", "subj01") for hemi in "LR"]
     assert [case.name for case in cases] == names
@@ -92,7 +92,7 @@ def test_subjects_of_freesurfer_may_have_any_name_but_that_of_the_template(tmp_p
     assert "registered spheres: 2" in said
 
 
-def test_surfaces_and_fields_beside_that_of_freesurfer_are_found(tmp_path: Path) -> None:
+def test_surfaces_and_fields_beside_that_of_freesurfer_are_found(tmp_path):
     surf = freesurfer(tmp_path, "bert") / "bert/surf"
     left, right = scan(tmp_path, Scan(pial=True, fields={"thickness": ["thickness.shape.gii", "thickness"]}))
     assert (left.surface, left.inner, left.sphere) == (
@@ -104,7 +104,7 @@ def test_surfaces_and_fields_beside_that_of_freesurfer_are_found(tmp_path: Path)
     assert (right.surface, right.sphere) == (surf / "rh.white", None)
 
 
-def test_patterns_are_configurable(tmp_path: Path) -> None:
+def test_patterns_are_configurable(tmp_path):
     touched(tmp_path, "x/A7.rh.white.gii")
     (tmp_path / "ages.tsv").write_text("participant_id\tweeks\nA7\t28\n")
     patterns = Scan(surfaces=["x/{participant}.{hemi}.white.gii"], participants="ages.tsv", age_columns=["weeks"])
@@ -126,7 +126,7 @@ def test_patterns_are_configurable(tmp_path: Path) -> None:
         ("100307/T1w/Native/100307.L.white.native.surf.gii", "sub-100307_hemi-L"),
     ],
 )
-def test_the_names_of_other_pipelines_are_known(tmp_path: Path, file: str, case: str) -> None:
+def test_the_names_of_other_pipelines_are_known(tmp_path, file, case):
     """Of fMRIPrep, nibabies, FreeSurfer and HCP, with the pial surface beside, where asked."""
     path = tmp_path / file
     pial = path.with_name(re.sub("smoothwm|white|wm", "pial", path.name))
@@ -177,14 +177,14 @@ SEVERAL: dict[str, tuple[list[str], list[str], str]] = {
 
 
 @pytest.mark.parametrize("what", SEVERAL)
-def test_of_several_surfaces_one_is_taken_and_the_others_are_named(tmp_path: Path, what: str) -> None:
+def test_of_several_surfaces_one_is_taken_and_the_others_are_named(tmp_path, what):
     names, taken, told = SEVERAL[what]
     folder = touched(tmp_path, *names)
     assert surfaces(folder) == taken
     assert told in scanned(folder)[1]
 
 
-def test_of_two_runs_that_with_both_surfaces_is_taken_where_both_are_asked_for(tmp_path: Path) -> None:
+def test_of_two_runs_that_with_both_surfaces_is_taken_where_both_are_asked_for(tmp_path):
     names = [f"{A}_run-{end}.surf.gii" for end in ("1_hemi-L_white", "2_hemi-L_white", "2_hemi-L_pial")]
     folder = touched(tmp_path, *names)
     assert surfaces(folder) == names[:1] and surfaces(folder, Scan(pial=True)) == names[2:]
@@ -198,19 +198,19 @@ def test_of_two_runs_that_with_both_surfaces_is_taken_where_both_are_asked_for(t
         ("sub-01/ses-1/anat/sub-01_ses-2_hemi-L_white.surf.gii", "no surfaces found"),
     ],
 )
-def test_a_folder_without_white_surfaces_says_what_is_there(tmp_path: Path, file: str, words: str) -> None:
+def test_a_folder_without_white_surfaces_says_what_is_there(tmp_path, file, words):
     with pytest.raises(InputError, match=words):
         scan(touched(tmp_path, file))
 
 
-def test_subjects_whose_labels_are_alike_are_refused(tmp_path: Path) -> None:
+def test_subjects_whose_labels_are_alike_are_refused(tmp_path):
     with pytest.raises(InputError, match="would both be sub-a1"):
         scan(freesurfer(tmp_path, "a_1", "a-1"))
     with pytest.raises(InputError, match="differ in case only"):
         scan(freesurfer(tmp_path / "case", "sub-S1", "sub-s1"))
 
 
-def test_links_whose_content_is_elsewhere_are_named(tmp_path: Path) -> None:
+def test_links_whose_content_is_elsewhere_are_named(tmp_path):
     """As DataLad leaves them. The white surface alone is not taken for a pair whose pial surface is elsewhere."""
     folder = freesurfer(tmp_path / "fs", "bert")
     surf = folder / "bert/surf"
@@ -229,7 +229,7 @@ def test_links_whose_content_is_elsewhere_are_named(tmp_path: Path) -> None:
     assert str(error.value) == str(missing_surface(surf / "rh.pial", column="surface"))
 
 
-def test_a_sheet_names_links_not_what_they_lead_to(tmp_path: Path) -> None:
+def test_a_sheet_names_links_not_what_they_lead_to(tmp_path):
     """DataLad keeps content under names that say neither surface nor hemisphere; a link may lead to itself."""
     folder = freesurfer(tmp_path / "fs", "bert")
     white = folder / "bert/surf/lh.white"

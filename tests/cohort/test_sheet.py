@@ -55,9 +55,7 @@ def below(folder: Path, value: Any) -> Any:
 
 
 @pytest.mark.parametrize(("row", "more", "attributes"), ROWS)
-def test_a_row_becomes_a_case_and_is_written_as_it_was_read(
-    tmp_path: Path, row: str, more: dict[str, str], attributes: dict[str, Any]
-) -> None:
+def test_a_row_becomes_a_case_and_is_written_as_it_was_read(tmp_path, row, more, attributes):
     extra = "".join(f"\t{name}" for name in more)
     cases = read_sheet(sheet(tmp_path, "\t".join([row, *more.values()]), extra=extra))
     assert {name: getattr(cases[0], name) for name in attributes} == below(tmp_path, attributes)
@@ -91,16 +89,14 @@ BAD: list[tuple[str, dict[str, str], str, str]] = [
 
 
 @pytest.mark.parametrize(("row", "more", "column", "remedy"), BAD)
-def test_a_bad_row_is_named_with_line_column_and_remedy(
-    tmp_path: Path, row: str, more: dict[str, str], column: str, remedy: str
-) -> None:
+def test_a_bad_row_is_named_with_line_column_and_remedy(tmp_path, row, more, column, remedy):
     extra = "".join(f"\t{name}" for name in more)
     with pytest.raises(InputError) as error:
         read_sheet(sheet(tmp_path, "\t".join([row, *more.values()]), extra=extra))
     assert f"line 2, column {column}: " in str(error.value) and remedy in str(error.value)
 
 
-def test_all_bad_rows_are_named_at_once(tmp_path: Path) -> None:
+def test_all_bad_rows_are_named_at_once(tmp_path):
     rows = (GOOD, GOOD, GOOD.replace("007", "0 8"), GOOD.replace("27.5", "x").replace("007", "9"), "8\tn/a")
     with pytest.raises(InputError) as error:
         read_sheet(sheet(tmp_path, *rows))
@@ -122,19 +118,19 @@ def test_all_bad_rows_are_named_at_once(tmp_path: Path) -> None:
         ("\t".join(COLUMNS) + "\n", "no rows"),
     ],
 )
-def test_a_sheet_that_is_no_sheet_is_refused(tmp_path: Path, text: str, keyword: str) -> None:
+def test_a_sheet_that_is_no_sheet_is_refused(tmp_path, text, keyword):
     path = tmp_path / "cohort.tsv"
     path.write_text(text)
     with pytest.raises(InputError, match=rf"(?s)cohort\.tsv: .*{keyword}"):
         read_sheet(path)
 
 
-def test_labels_that_differ_in_case_only_are_refused(tmp_path: Path) -> None:
+def test_labels_that_differ_in_case_only_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"sub-s1_ses-01_hemi-L is already in line 2"):
         read_sheet(sheet(tmp_path, GOOD.replace("007", "S1"), GOOD.replace("007", "s1")))
 
 
-def test_fields_come_from_the_configured_pattern_and_the_row_has_the_last_word(tmp_path: Path) -> None:
+def test_fields_come_from_the_configured_pattern_and_the_row_has_the_last_word(tmp_path):
     rows = (GOOD + "\tn/a", GOOD.replace("007", "008") + "\town.shape.gii")
     path = sheet(tmp_path, *rows, extra="\tfield_thickness")
     first, second = read_sheet(path, {"thickness": "t/{participant_id}.shape.gii", "curv": "c/{hemi}.shape.gii"})
@@ -144,7 +140,7 @@ def test_fields_come_from_the_configured_pattern_and_the_row_has_the_last_word(t
         read_sheet(path, {"thickness": "{subject}.shape.gii"})
 
 
-def test_a_sheet_is_complete_or_as_it_was(tmp_path: Path) -> None:
+def test_a_sheet_is_complete_or_as_it_was(tmp_path):
     path = sheet(tmp_path, GOOD)
     before = path.read_bytes()
     (case,) = read_sheet(path)
@@ -153,7 +149,7 @@ def test_a_sheet_is_complete_or_as_it_was(tmp_path: Path) -> None:
     assert path.read_bytes() == before and list(tmp_path.iterdir()) == [path]
 
 
-def test_new_cases_are_appended_and_every_row_stays(tmp_path: Path) -> None:
+def test_new_cases_are_appended_and_every_row_stays(tmp_path):
     edited = GOOD.replace("yes\tn/a", 'no\tthe "left" one') + "\t3T"
     gone = GOOD.replace("007", "900") + "\tn/a"
     path = sheet(tmp_path, gone, edited, extra="\tscanner")
@@ -165,7 +161,7 @@ def test_new_cases_are_appended_and_every_row_stays(tmp_path: Path) -> None:
     assert add_to_sheet(found, path) == []
 
 
-def test_a_file_below_the_working_folder_has_one_spelling(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_below_the_working_folder_has_one_spelling(tmp_path, monkeypatch):
     (tmp_path / "data").mkdir()
     (tmp_path / "data/x.gii").touch()
     monkeypatch.chdir(tmp_path)
@@ -175,7 +171,7 @@ def test_a_file_below_the_working_folder_has_one_spelling(tmp_path: Path, monkey
             assert read_sheet(path)[0].surface == Path("data/x.gii"), name
 
 
-def test_cases_are_chosen_by_name_by_number_over_the_ages_or_all() -> None:
+def test_cases_are_chosen_by_name_by_number_over_the_ages_or_all():
     cases = [Case(str(age), None, "L", age, "phantom") for age in (30, 22, 36, 26, 34)]
     assert chosen(cases, "all") == cases
     assert [case.scan_age for case in chosen(cases, 3)] == [22, 30, 36]
@@ -191,7 +187,7 @@ def marked(tmp_path: Path, *words: str, column: str = "fold") -> list[Case]:
     return read_sheet(sheet(tmp_path, *rows, extra=f"\t{column}"))
 
 
-def test_a_column_of_the_sheet_may_choose_cases(tmp_path: Path) -> None:
+def test_a_column_of_the_sheet_may_choose_cases(tmp_path):
     cases = marked(tmp_path, "yes", "no", "TRUE", "0", column="simulated")
     assert chosen(cases, {"column": "simulated"}) == [cases[0], cases[2]] == folded(cases, {"column": "simulated"})
     with pytest.raises(InputError, match="column fold"):
@@ -200,14 +196,14 @@ def test_a_column_of_the_sheet_may_choose_cases(tmp_path: Path) -> None:
         chosen(marked(tmp_path, "yes", "maybe"), {"column": "fold"})
 
 
-def test_the_column_fold_says_what_is_folded_where_the_configuration_does_not(tmp_path: Path) -> None:
+def test_the_column_fold_says_what_is_folded_where_the_configuration_does_not(tmp_path):
     cases = marked(tmp_path, "yes", "no", "n/a")
     assert folded(cases, None) == cases[:1], "as in BIDS, n/a says nothing"
     assert folded(cases, "all") == cases and folded(cases, []) == []
     assert folded(marked(tmp_path, "3T", "7T", column="scanner"), None) == []
 
 
-def test_a_case_without_an_age_is_told_and_not_folded(tmp_path: Path) -> None:
+def test_a_case_without_an_age_is_told_and_not_folded(tmp_path):
     rows = (GOOD + "\tyes", GOOD.replace("007", "008").replace("27.5", "n/a") + "\tyes")
     old, ageless = read_sheet(sheet(tmp_path, *rows, extra="\tfold"))
     assert folded([old, ageless], "all") == [old] and folded([ageless, old], 2) == [old]
@@ -219,7 +215,7 @@ def test_a_case_without_an_age_is_told_and_not_folded(tmp_path: Path) -> None:
     assert ageless_notice([old], smoothed=True, folded=True) == []
 
 
-def test_the_demo_folds_one_case_and_another_sheet_none() -> None:
+def test_the_demo_folds_one_case_and_another_sheet_none():
     root = Path(__file__).parents[2]
     which = load(root / "config.yaml").fold.cases
     assert [case.name for case in folded(read_sheet(root / "demo/cohort.tsv"), which)] == ["sub-phantom22_hemi-L"]

@@ -6,14 +6,13 @@ import json
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 from cortet.cohort.status import COLUMNS, failure_reason, status_rows
 from cortet.formats.tables import names, write_table
 from cortet.formats.tsv import read_tsv
 
 
-def test_the_verdict_of_the_certificate_is_the_state(tmp_path: Path) -> None:
+def test_the_verdict_of_the_certificate_is_the_state(tmp_path):
     path = tmp_path / "certificate.json"
     path.write_text(json.dumps({"certified": False, "reasons": ["q_max 0.71 is not below 0.6", "Euler number 0"]}))
     (row,) = status_rows([{"case": "sub-1", "cell_size_mm": 0.6, "mesher": "cgal", "certificate": str(path)}])
@@ -21,7 +20,7 @@ def test_the_verdict_of_the_certificate_is_the_state(tmp_path: Path) -> None:
     assert row["reason"] == "q_max 0.71 is not below 0.6; Euler number 0"
 
 
-def test_a_failure_and_an_exclusion_are_rows_too(tmp_path: Path) -> None:
+def test_a_failure_and_an_exclusion_are_rows_too(tmp_path):
     meshes = [
         {
             "case": "sub-1",
@@ -41,13 +40,13 @@ def test_a_failure_and_an_exclusion_are_rows_too(tmp_path: Path) -> None:
     assert list(json.loads((tmp_path / "status.json").read_text())) == names(COLUMNS)
 
 
-def test_the_reason_is_the_last_error_of_the_log(tmp_path: Path) -> None:
+def test_the_reason_is_the_last_error_of_the_log(tmp_path):
     log = tmp_path / "job.log"
     log.write_text("10:00 INFO begun\nTraceback ...\n10:01 ERROR a.gii: is open\n  edge 3\n")
     assert failure_reason(log) == "a.gii: is open;   edge 3"
 
 
-def test_a_log_without_an_error_means_the_job_was_killed(tmp_path: Path) -> None:
+def test_a_log_without_an_error_means_the_job_was_killed(tmp_path):
     log = tmp_path / "job.log"
     log.write_text("10:00 INFO begun\n")
     assert "killed" in failure_reason(log)
@@ -57,13 +56,13 @@ def test_a_log_without_an_error_means_the_job_was_killed(tmp_path: Path) -> None
 STOPPED = 'Current thread 0x00007f (most recent call first):\n  File "/x/a.py", line 3 in fill\n  File "b.py", line 4\n'
 
 
-def test_a_job_that_was_told_to_stop_says_where_it_was(tmp_path: Path) -> None:
+def test_a_job_that_was_told_to_stop_says_where_it_was(tmp_path):
     log = tmp_path / "job.log"
     log.write_text(f"10:00 INFO begun\n{STOPPED}")
     assert failure_reason(log).endswith("in fill, line 3 of /x/a.py")
 
 
-def test_faulthandler_leaves_the_place_where_a_process_was_stopped(tmp_path: Path) -> None:
+def test_faulthandler_leaves_the_place_where_a_process_was_stopped(tmp_path):
     log = tmp_path / "job.log"
     code = "import faulthandler, os, signal; faulthandler.register(signal.SIGTERM, file=2, chain=True)\n"
     code += "def fill(): os.kill(os.getpid(), signal.SIGTERM)\nfill()\n"
@@ -72,7 +71,7 @@ def test_faulthandler_leaves_the_place_where_a_process_was_stopped(tmp_path: Pat
     assert "in fill, line 2" in failure_reason(log)
 
 
-def test_a_job_that_hangs_in_a_library_ends_and_says_so(tmp_path: Path) -> None:
+def test_a_job_that_hangs_in_a_library_ends_and_says_so(tmp_path):
     hang = "import ctypes, faulthandler as f; f.dump_traceback_later(1, exit=True); ctypes.PyDLL(None).sleep(600)"
     with (tmp_path / "job.log").open("w") as log:
         log.write("10:00 ERROR of something harmless\n")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import pytest
 
@@ -11,7 +10,7 @@ from cortet.cohort.user_files import content, require_same_input, require_unchan
 from cortet.errors import StageError
 
 
-def test_content_is_seen_when_the_time_says_nothing(tmp_path: Path) -> None:
+def test_content_is_seen_when_the_time_says_nothing(tmp_path):
     path = tmp_path / "x"
     path.write_text("one")
     os.utime(path, (1000, 1000))
@@ -26,11 +25,11 @@ def test_content_is_seen_when_the_time_says_nothing(tmp_path: Path) -> None:
         require_unchanged({"surface": path}, planned)
 
 
-def test_a_file_that_is_not_there_has_no_content(tmp_path: Path) -> None:
+def test_a_file_that_is_not_there_has_no_content(tmp_path):
     assert content({"surface": tmp_path / "none"}) == {"surface": None}
 
 
-def test_a_report_on_another_input_is_refused() -> None:
+def test_a_report_on_another_input_is_refused():
     require_same_input("gate.json", {"input_sha256": {"surface": "a"}}, {"surface": "a"})
     require_same_input("gate.json", {"input_sha256": {"surface": "a"}}, {"surface": "a", "inner_white": "b"})
     with pytest.raises(StageError):

@@ -34,7 +34,7 @@ FACTS = {
 }
 
 
-def test_config_yaml_is_valid_and_names_only_keys_that_exist() -> None:
+def test_config_yaml_is_valid_and_names_only_keys_that_exist():
     text = (ROOT / "config.yaml").read_text(encoding="utf-8")
     config.load(yaml.safe_load(text))
     every = config.render(config.Config().model_dump(mode="json"))
@@ -42,7 +42,7 @@ def test_config_yaml_is_valid_and_names_only_keys_that_exist() -> None:
     assert keys <= known and {"cohort", "sheet", "cell_size", "formats", "ten_nodes", "settings"} <= keys
 
 
-def test_what_is_rendered_is_read_back() -> None:
+def test_what_is_rendered_is_read_back():
     everything = config.Config().model_dump(mode="json")
     assert config.load(yaml.safe_load(config.render(everything))) == config.Config()
 
@@ -56,12 +56,12 @@ def undescribed(model: type[Section]) -> Iterator[str]:
             yield f"{model.__name__}.{name}"
 
 
-def test_every_key_is_described() -> None:
+def test_every_key_is_described():
     assert not list(undescribed(config.Config))
 
 
 @pytest.mark.parametrize("stage", STAGES)
-def test_a_stage_gets_exactly_the_parameters_its_function_takes(stage: str) -> None:
+def test_a_stage_gets_exactly_the_parameters_its_function_takes(stage):
     given = arguments_of(config.Config(), stage, FACTS)
     settings, facts = type(STAGES[stage].section_of(config.Config())).split(given)
     assert settings.model_dump(mode="json").items() >= {key: given[key] for key in given.keys() - facts}.items()
@@ -75,17 +75,17 @@ def test_a_stage_gets_exactly_the_parameters_its_function_takes(stage: str) -> N
     assert keywords - set(facts) <= {"held", "inside", "time_limit", "most_the_same"}
 
 
-def test_the_names_in_the_configuration_are_those_of_stages_and_meshers() -> None:
+def test_the_names_in_the_configuration_are_those_of_stages_and_meshers():
     assert get_args(StageName) == tuple(MESH_STAGES) and get_args(MesherName) == tuple(MESHERS)
 
 
-def test_stage_parameters_are_plain_data_with_the_version_of_the_stage() -> None:
+def test_stage_parameters_are_plain_data_with_the_version_of_the_stage():
     parameters = record_of(config.Config(), "generate", FACTS)
     assert json.loads(json.dumps(parameters)) == parameters
     assert parameters["version"] == import_module("cortet.stages.generate").VERSION
 
 
-def test_a_backend_without_what_is_asked_of_it_is_refused_when_the_configuration_is_read() -> None:
+def test_a_backend_without_what_is_asked_of_it_is_refused_when_the_configuration_is_read():
     with pytest.raises(InputError, match=r"clean.*meshtool moves the boundary freely.*set clean.boundary: free"):
         config.load({"clean": {"backend": "meshtool"}})
     assert config.load({"setting": "published", "clean": {"backend": "meshtool"}}).clean.backend == "meshtool"
@@ -104,23 +104,21 @@ def test_a_backend_without_what_is_asked_of_it_is_refused_when_the_configuration
         ),
     ],
 )
-def test_a_program_that_is_called_and_missing_is_named_before_anything_runs(
-    data: dict[str, object], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_program_that_is_called_and_missing_is_named_before_anything_runs(data, words, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(InputError, match=words):
         require_programs(config.load(data))
     require_programs(config.Config())
 
 
-def test_the_default_is_the_lattice_mesher_without_gmsh_and_cgal_has_both() -> None:
+def test_the_default_is_the_lattice_mesher_without_gmsh_and_cgal_has_both():
     default, cgal = config.Config(), config.load({"setting": "cgal", "generate": {"cell_size": 1.0}})
     assert default.generate.meshers == ["lattice"] and not default.enabled("relocate")
     assert cgal.generate.meshers == ["cgal"] and cgal.generate.cell_size == [1.0] and cgal.enabled("relocate")
     assert default.enabled("clean") and default.enabled("reconnect")
 
 
-def test_published_setting_is_the_papers_and_single_keys_override_it() -> None:
+def test_published_setting_is_the_papers_and_single_keys_override_it():
     published = config.load({"setting": "published", "clean": {"boundary": "fixed"}})
     assert published.generate.facet_distance == [0.5]
     assert published.relocate.boundary == "free"
@@ -156,35 +154,35 @@ def test_published_setting_is_the_papers_and_single_keys_override_it() -> None:
         ({"fold": {"region_relaxation": {3: 1e-4}}}, "fold.region_relaxation.3 = 0.0001"),
     ],
 )
-def test_a_bad_key_is_named_with_its_remedy(data: dict[str, object], words: str) -> None:
+def test_a_bad_key_is_named_with_its_remedy(data, words):
     with pytest.raises(InputError) as error:
         config.load(data)
     assert words in str(error.value)
 
 
-def test_all_bad_keys_are_named_at_once() -> None:
+def test_all_bad_keys_are_named_at_once():
     with pytest.raises(InputError) as error:
         config.load({"snap": {"enable": True}, "relocate": {"passes": 0}})
     assert "snap.enable" in str(error.value) and "relocate.passes" in str(error.value)
 
 
 @pytest.mark.parametrize("text", ["- a list", "a: [", ""])
-def test_a_file_that_is_no_configuration_is_refused_by_name(tmp_path: Path, text: str) -> None:
+def test_a_file_that_is_no_configuration_is_refused_by_name(tmp_path, text):
     path = tmp_path / "mine.yaml"
     path.write_text(text)
     with pytest.raises(InputError, match=r"mine\.yaml"):
         config.load(path)
 
 
-def test_one_value_may_stand_for_a_list() -> None:
+def test_one_value_may_stand_for_a_list():
     assert config.load({"generate": {"cell_size": 0.8}}).generate.cell_size == [0.8]
 
 
-def test_an_empty_section_is_the_default() -> None:
+def test_an_empty_section_is_the_default():
     assert config.load({"clean": None}) == config.Config()
 
 
-def test_what_another_file_sets_in_place_of_a_default_is_named() -> None:
+def test_what_another_file_sets_in_place_of_a_default_is_named():
     shipped = {"generate": {"cell_size": [1.6], "seed": 0}, "output": "mine"}
     assert keys_not_given(shipped, {"output": "mine"}) == ["generate.cell_size: [1.6] (default: [0.6])"]
     assert keys_not_given(shipped, shipped) == []

@@ -23,9 +23,9 @@ from cortet.folding.run import advance_to, beginning, measured, prepared
 from cortet.folding.section import Settings
 from cortet.formats import vtu
 from cortet.formats.gifti import read_surface, write_surface
+from cortet.formats.volumes import matrices
 from cortet.geometry.topology import face_areas
 from cortet.meshes import TetMesh
-from cortet.solver_files.results import symmetric
 from cortet.solver_files.surface_map import map_of_file
 
 RADIUS, START, END = 20.0, 28.0, 28.4
@@ -66,7 +66,7 @@ def test_the_stress_is_the_one_that_moves_the_nodes():
     x, cells = moment.state.x, run.mesh.cells
     gradients = np.linalg.inv(x[cells[:, 1:]] - x[cells[:, :1]]).transpose(0, 2, 1)
     gradients = np.concatenate([-gradients.sum(axis=1, keepdims=True), gradients], axis=1)
-    forces = -np.einsum("e,eij,ekj->eki", moment.work.current, symmetric(felt.stress), gradients)
+    forces = -np.einsum("e,eij,ekj->eki", moment.work.current, matrices(felt.stress), gradients)
     total = np.stack([np.bincount(cells.ravel(), forces[:, :, axis].ravel()) for axis in range(3)], axis=1)
     course = run.growth.at(np.array([moment.time]), moment.dt)
     elastic_forces(run.material, x, moment.work, course.growth[0], float(course.thickening[0]))

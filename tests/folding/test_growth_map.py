@@ -126,7 +126,7 @@ def grown(mesh: TetMesh, settings: Settings) -> FloatArray:
 
 
 @pytest.mark.usefixtures("at_rest")
-def test_what_grows_more_along_its_meridians_becomes_longer_from_pole_to_pole() -> None:
+def test_what_grows_more_along_its_meridians_becomes_longer_from_pole_to_pole():
     """And no larger: growth along the meridians is as much as shrinking along the parallels."""
     mesh = ball_mesh(2, radius=10.0)
     x, y, z = mesh.points.T

@@ -54,7 +54,7 @@ def written(path: Path, *more: tuple[str, Any], tetrahedra: bool = True, **how: 
         ("x.msh", {"file_format": "gmsh22"}),
     ],
 )
-def test_a_mesh_of_meshio_is_read_with_its_fields_and_regions(tmp_path: Path, name: str, how: dict[str, Any]) -> None:
+def test_a_mesh_of_meshio_is_read_with_its_fields_and_regions(tmp_path, name, how):
     mesh = read_mesh(written(tmp_path / name, **how))
     assert np.allclose(mesh.points, CUBE.points) and np.array_equal(mesh.cells, CUBE.cells)
     assert mesh.point_data.keys() >= FIELDS.keys()
@@ -63,7 +63,7 @@ def test_a_mesh_of_meshio_is_read_with_its_fields_and_regions(tmp_path: Path, na
 
 
 @pytest.mark.parametrize("suffix", [".xdmf", ".vtu", ".vtk"])
-def test_triangles_and_lines_are_left_out_and_other_cells_refused(tmp_path: Path, suffix: str) -> None:
+def test_triangles_and_lines_are_left_out_and_other_cells_refused(tmp_path, suffix):
     triangle = ("triangle", np.array([[0, 1, 4]]))
     mesh = read_mesh(written(tmp_path / f"x{suffix}", triangle, ("line", np.array([[0, 1]]))))
     assert np.array_equal(mesh.cells, CUBE.cells) and np.array_equal(mesh.cell_data["region"], REGION)
@@ -78,7 +78,7 @@ def refused(path: Path) -> str:
     return str(caught.value)
 
 
-def test_commands_and_calls_take_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_commands_and_calls_take_it(tmp_path, capsys):
     path = written(tmp_path / "x.xdmf")
     assert main(["quality", str(path)]) == 0
     assert "tetrahedra        48" in capsys.readouterr().out
@@ -90,7 +90,7 @@ def test_commands_and_calls_take_it(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 @pytest.mark.parametrize("mode", ["ascii", "binary", "appended", "raw"])
 @pytest.mark.parametrize("compressed", [True, False])
-def test_every_form_that_vtk_writes_is_read(mode: str, compressed: bool, tmp_path: Path) -> None:
+def test_every_form_that_vtk_writes_is_read(mode, compressed, tmp_path):
     mesh = full_mesh()
     vtu.write(mesh, tmp_path / "m.vtu")
     writer = vtkXMLUnstructuredGridWriter()
@@ -110,7 +110,7 @@ def test_every_form_that_vtk_writes_is_read(mode: str, compressed: bool, tmp_pat
 
 
 @pytest.mark.parametrize("binary", [True, False])
-def test_a_legacy_vtk_file_of_vtk_itself_is_read(tmp_path: Path, binary: bool) -> None:
+def test_a_legacy_vtk_file_of_vtk_itself_is_read(tmp_path, binary):
     mesh = full_mesh()
     vtu.write(mesh, tmp_path / "m.vtu")
     pyvista.read(tmp_path / "m.vtu").save(tmp_path / "m.vtk", binary=binary)
@@ -119,7 +119,7 @@ def test_a_legacy_vtk_file_of_vtk_itself_is_read(tmp_path: Path, binary: bool) -
     assert np.array_equal(back.sets.cells["cortex"], mesh.sets.cells["cortex"])
 
 
-def test_groups_of_gmsh_are_read_in_its_newest_version(tmp_path: Path) -> None:
+def test_groups_of_gmsh_are_read_in_its_newest_version(tmp_path):
     write(full_mesh(), tmp_path / "m.msh", solver="gmsh")
     gmsh.initialize(argv=[], readConfigFiles=False)
     gmsh.option.setNumber("General.Terminal", 0)
@@ -136,9 +136,7 @@ def test_groups_of_gmsh_are_read_in_its_newest_version(tmp_path: Path) -> None:
     }
 
 
-def test_fields_of_elements_of_gmsh_are_left_out_and_this_is_said(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_fields_of_elements_of_gmsh_are_left_out_and_this_is_said(tmp_path, caplog):
     mesh = replace(CUBE, point_data=FIELDS, cell_data={"number": np.arange(48.0)})
     FORMATS["gmsh"].write(mesh, tmp_path / "m.msh")
     back = read_mesh(tmp_path / "m.msh")
@@ -147,9 +145,7 @@ def test_fields_of_elements_of_gmsh_are_left_out_and_this_is_said(
     assert "m.msh: fields of elements" in caplog.text
 
 
-def test_a_file_without_its_data_and_a_series_of_times_are_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_without_its_data_and_a_series_of_times_are_refused(tmp_path, monkeypatch):
     path = written(tmp_path / "x.xdmf")
     (tmp_path / "x.h5").unlink()
     assert "x.h5" in refused(path)
@@ -161,7 +157,7 @@ def test_a_file_without_its_data_and_a_series_of_times_are_refused(
 
 
 @pytest.mark.parametrize("name", ["vtu", "vtk", "gmsh", "abaqus", "nastran", "fenics", "carp"])
-def test_a_file_that_is_missing_cut_off_or_of_another_kind_is_refused(name: str, tmp_path: Path) -> None:
+def test_a_file_that_is_missing_cut_off_or_of_another_kind_is_refused(name, tmp_path):
     path = tmp_path / f"m{FORMATS[name].suffix if name in FORMATS else '.vtk'}"
     assert "No such file" in refused(path)
     written(path) if name == "vtk" else FORMATS[name].write(full_mesh(), path)
@@ -177,7 +173,7 @@ def test_a_file_that_is_missing_cut_off_or_of_another_kind_is_refused(name: str,
 
 
 @pytest.mark.parametrize("suffix", [".vtu", ".inp", ".bdf", ".xdmf", ".pts"])
-def test_nodes_that_are_not_finite_or_not_there_are_refused(tmp_path: Path, suffix: str) -> None:
+def test_nodes_that_are_not_finite_or_not_there_are_refused(tmp_path, suffix):
     form = next(form for form in FORMATS.values() if form.suffix == suffix)
     points = CUBE.points.copy()
     points[0, 1] = np.nan
@@ -200,7 +196,7 @@ def test_nodes_that_are_not_finite_or_not_there_are_refused(tmp_path: Path, suff
         *((".mesh", text) for text in ("", "4\n0 0 0\n", "x\n", "1\n0 0 0\n1\n1 1 2 3 4\n")),
     ],
 )
-def test_damaged_text_of_opencarp_and_braingrowth_is_refused(tmp_path: Path, suffix: str, text: str) -> None:
+def test_damaged_text_of_opencarp_and_braingrowth_is_refused(tmp_path, suffix, text):
     FORMATS["carp"].write(CUBE, tmp_path / "m.pts")
     (tmp_path / f"m{suffix}").write_text(text)
     with pytest.raises(InputError, match="m\\.") as caught:
@@ -220,7 +216,7 @@ def rewritten(path: Path, lines: str) -> TetMesh:
     return read_mesh(path)
 
 
-def test_sets_of_abaqus_are_read(tmp_path: Path) -> None:
+def test_sets_of_abaqus_are_read(tmp_path):
     lines = "*ELSET, ELSET=left\n1, 2, 7\n*ELSET, ELSET=right, GENERATE\n9, 12, 1\n*NSET, NSET=some, GENERATE\n1, 9, 4"
     sets = rewritten(tmp_path / "m.inp", lines).sets
     assert {name: some.tolist() for name, some in sets.cells.items()} == {"left": [0, 1, 6], "right": [8, 9, 10, 11]}
@@ -232,7 +228,7 @@ def test_sets_of_abaqus_are_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("lines", ["*NODE PRINT, NSET=all_nodes\nU\n*NODE FILE\nU", "** a comment"])
-def test_steps_and_comments_of_abaqus_do_not_matter(tmp_path: Path, lines: str) -> None:
+def test_steps_and_comments_of_abaqus_do_not_matter(tmp_path, lines):
     rewritten(tmp_path / "m.inp", lines)
     text = (tmp_path / "m.inp").read_text()
     assert text.count("\n9, ") > 1
@@ -259,7 +255,7 @@ def test_steps_and_comments_of_abaqus_do_not_matter(tmp_path: Path, lines: str) 
         "*ELEMENT, TYPE=C3D10\n900, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10",
     ],
 )
-def test_what_meshio_would_miss_or_take_for_something_else_is_refused(tmp_path: Path, lines: str) -> None:
+def test_what_meshio_would_miss_or_take_for_something_else_is_refused(tmp_path, lines):
     with pytest.raises(InputError) as caught:
         rewritten(tmp_path / "m.inp", lines)
     assert caught.value.file == tmp_path / "m.inp" and caught.value.remedy
@@ -269,7 +265,7 @@ def test_what_meshio_would_miss_or_take_for_something_else_is_refused(tmp_path: 
 
 
 @pytest.mark.parametrize("suffix", [".vtu", ".vtk"])
-def test_cells_of_vtk_that_meshio_leaves_out_are_refused(tmp_path: Path, suffix: str) -> None:
+def test_cells_of_vtk_that_meshio_leaves_out_are_refused(tmp_path, suffix):
     kinds = np.repeat([pyvista.CellType.TETRA, pyvista.CellType.VOXEL], [len(CUBE.cells), 1])
     cells = np.concatenate([np.column_stack([np.full(48, 4), CUBE.cells]).ravel(), [8, *range(8)]])
     pyvista.UnstructuredGrid(cells, kinds, CUBE.points).save(tmp_path / f"x{suffix}")
@@ -277,14 +273,14 @@ def test_cells_of_vtk_that_meshio_leaves_out_are_refused(tmp_path: Path, suffix:
 
 
 @pytest.mark.parametrize("card", ["INCLUDE 'other.bdf'", "CORD2R,1,0,5.,0.,0.,5.,0.,1.\n+,6.,0.,0."])
-def test_nodes_of_nastran_that_are_elsewhere_are_refused(tmp_path: Path, card: str) -> None:
+def test_nodes_of_nastran_that_are_elsewhere_are_refused(tmp_path, card):
     FORMATS["nastran"].write(CUBE, tmp_path / "m.bdf")
     text = (tmp_path / "m.bdf").read_text()
     (tmp_path / "m.bdf").write_text(text.replace("BEGIN BULK\n", f"BEGIN BULK\n{card}\n"))
     assert card[:7] in refused(tmp_path / "m.bdf")
 
 
-def test_fields_of_nodes_of_gmsh_in_another_order_are_refused(tmp_path: Path) -> None:
+def test_fields_of_nodes_of_gmsh_in_another_order_are_refused(tmp_path):
     path = tmp_path / "m.msh"
     meshio.write(path, meshio.Mesh(CUBE.points, [("tetra", CUBE.cells)]), file_format="gmsh22", binary=False)
     text = path.read_text()

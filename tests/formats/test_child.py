@@ -27,7 +27,7 @@ def wait_until(condition) -> bool:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux ends children with their parent")
-def test_a_program_ends_with_the_process_that_called_it(tmp_path: Path) -> None:
+def test_a_program_ends_with_the_process_that_called_it(tmp_path):
     pid = tmp_path / "pid"
     code = f"from cortet.formats import child; child.run(['sh', '-c', 'echo $$ > {pid}; exec sleep 300'])"
     with subprocess.Popen([sys.executable, "-c", code], cwd=ROOT) as parent:
@@ -56,7 +56,7 @@ os.kill(os.getpid(), int(sys.argv[3])) if int(sys.argv[3]) else None
 
 
 @pytest.mark.parametrize("end", [0, signal.SIGTERM, signal.SIGKILL])
-def test_temporary_files_of_a_job_go_with_it_or_with_the_next_attempt(end: int, tmp_path: Path) -> None:
+def test_temporary_files_of_a_job_go_with_it_or_with_the_next_attempt(end, tmp_path):
     told, log = tmp_path / "told", tmp_path / "job.log"
 
     def run(end: int) -> Path:

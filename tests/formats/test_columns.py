@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -17,27 +16,25 @@ SIDE = Column("side", "Which side", levels={"L": "left", "R": "right"}, heading=
     ("value", "text", "number"),
     [(2.345, "2.3", 2.345), ("2.345", "2.3", 2.345), (None, "n/a", None), ("n/a", "n/a", None), ("deep", "deep", None)],
 )
-def test_a_number_is_written_in_its_form_and_what_is_none_as_it_stands(
-    value: object, text: str, number: float | None
-) -> None:
+def test_a_number_is_written_in_its_form_and_what_is_none_as_it_stands(value, text, number):
     assert DEPTH.text({"depth_mm": value}) == text
     assert DEPTH.number({"depth_mm": value}) == number
 
 
-def test_a_form_may_be_a_function_of_the_row_and_without_one_the_text_is_that_of_the_file() -> None:
+def test_a_form_may_be_a_function_of_the_row_and_without_one_the_text_is_that_of_the_file():
     both = Column("a", heading="a + b", form="{a} + {b}".format_map)
     assert both.text({"a": 1, "b": 2}) == "1 + 2"
     assert Column("a").text({"a": 1 / 3}) == "0.333333" and Column("a").number({"a": 1}) is None
 
 
-def test_readers_see_columns_with_a_heading_and_the_last_of_a_name() -> None:
+def test_readers_see_columns_with_a_heading_and_the_last_of_a_name():
     columns = [Column("hidden"), SIDE, DEPTH, Column("side", "better", heading="Side")]
     assert names(headed(columns)) == ["side", "depth_mm"]
     assert names(headed(columns, first=("depth_mm", "absent"))) == ["depth_mm", "side"]
     assert headed(columns)[0].description == "better"
 
 
-def test_a_sidecar_has_what_is_known_and_nothing_empty(tmp_path: Path) -> None:
+def test_a_sidecar_has_what_is_known_and_nothing_empty(tmp_path):
     write_table([DEPTH, SIDE], [{"side": "L", "other": 1}], tmp_path / "t.tsv", tmp_path / "t.json")
     assert (tmp_path / "t.tsv").read_text() == "depth_mm\tside\nn/a\tL\n"
     explained = json.loads((tmp_path / "t.json").read_text())
@@ -47,7 +44,7 @@ def test_a_sidecar_has_what_is_known_and_nothing_empty(tmp_path: Path) -> None:
     assert described(explained["side"]) == "Which side; L: left; R: right"
 
 
-def test_values_stand_at_the_places_of_a_record_and_are_missing_where_it_has_none() -> None:
+def test_values_stand_at_the_places_of_a_record_and_are_missing_where_it_has_none():
     columns = [Column("q_max", place="q.max"), Column("above", place="count_above.0.6"), Column("case")]
     records = [{"case": "a", "q": {"max": 0.5}, "count_above": {"0.6": 3}}, {"case": "b", "q": {}}]
     found = values(columns, records)
@@ -55,6 +52,6 @@ def test_values_stand_at_the_places_of_a_record_and_are_missing_where_it_has_non
     assert found.loc[0].tolist() == [0.5, 3, "a"]
 
 
-def test_a_line_is_a_column(tmp_path: Path) -> None:
+def test_a_line_is_a_column(tmp_path):
     (tmp_path / "columns.tsv").write_text("name\tform\theading\nq\t.3f\tWorst q\ncase\tn/a\tn/a\n")
     assert read_columns(tmp_path / "columns.tsv") == (Column("q", form=".3f", heading="Worst q"), Column("case"))

@@ -43,7 +43,7 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> Seeds:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_damaged_files_are_refused_or_give_a_sound_result(kind: str, valid: Seeds, tmp_path: Path) -> None:
+def test_damaged_files_are_refused_or_give_a_sound_result(kind, valid, tmp_path):
     assert set(KINDS) == set(valid)
     file, read = valid[kind]
     assert outcome(read, file) == "sound"
@@ -110,7 +110,7 @@ NEITHER: list[tuple[bytes, str]] = [
 
 
 @pytest.mark.parametrize(("content", "word"), [*((content, "") for content in REFUSED), *NEITHER])
-def test_what_is_no_surface_is_refused_with_file_and_remedy(tmp_path: Path, content: bytes, word: str) -> None:
+def test_what_is_no_surface_is_refused_with_file_and_remedy(tmp_path, content, word):
     path = saved(tmp_path, "x.surf.gii", content)
     with pytest.raises(InputError, match=word) as caught:
         read_surface(path)
@@ -120,7 +120,7 @@ def test_what_is_no_surface_is_refused_with_file_and_remedy(tmp_path: Path, cont
             read_fields(path)
 
 
-def test_a_field_named_as_a_path_writes_nothing_elsewhere(tmp_path: Path) -> None:
+def test_a_field_named_as_a_path_writes_nothing_elsewhere(tmp_path):
     name, mesh, ball = "../../evil", full_mesh(), ball_surface(1)
     write_surface(replace(ball, point_data={name: np.ones(len(ball.points), np.float32)}), tmp_path / "s.surf.gii")
     assert list(read_surface(tmp_path / "s.surf.gii").point_data) == ["____evil"]
@@ -133,7 +133,7 @@ def test_a_field_named_as_a_path_writes_nothing_elsewhere(tmp_path: Path) -> Non
     assert list(safely_named(names)) == ["a", "a_2", "a_2_2", "x___y_", "unnamed"]
 
 
-def test_a_json_file_of_another_kind_is_no_sidecar(tmp_path: Path) -> None:
+def test_a_json_file_of_another_kind_is_no_sidecar(tmp_path):
     path, other = tmp_path / "m.vtu", tmp_path / "precious.gii"
     other.touch()
     export(full_mesh(), path, solver="vtu", certificate={"certified": True})
@@ -169,12 +169,12 @@ LABELS = ["../x", "..", "a/b", "a\\b", "$(reboot)", "a b", "a\x00b", "{case}", "
         ("site", "a\x1b[2Jb"),
     ],
 )
-def test_a_cell_that_can_be_no_name_of_a_file_is_refused(column: str, value: str, tmp_path: Path) -> None:
+def test_a_cell_that_can_be_no_name_of_a_file_is_refused(column, value, tmp_path):
     with pytest.raises(InputError, match=f"line 2.*{column}|column {column}"):
         read_sheet(sheet(tmp_path, column, value))
 
 
-def test_surfaces_may_lie_anywhere_and_patterns_are_filled_in_and_nothing_else(tmp_path: Path) -> None:
+def test_surfaces_may_lie_anywhere_and_patterns_are_filled_in_and_nothing_else(tmp_path):
     for given in ("../../release/$(x) `y`; z/a.surf.gii", "/data/a.surf.gii"):
         (case,) = read_sheet(sheet(tmp_path, "surface", given))
         assert case.surface == Path(os.path.normpath(tmp_path / given))
@@ -186,7 +186,7 @@ def test_surfaces_may_lie_anywhere_and_patterns_are_filled_in_and_nothing_else(t
             scan(tmp_path, Scan(surfaces=[of_release]))
 
 
-def test_names_and_messages_have_a_length_that_fits(tmp_path: Path) -> None:
+def test_names_and_messages_have_a_length_that_fits(tmp_path):
     label = "x" * LONGEST_LABEL
     name = f"sub-{label}_ses-{label}_hemi-L_res-10000um_desc-latticePublishedBoundarySmoothed_tetmesh.quality.json"
     assert len(f".1234567-12345678.{name}") < 255

@@ -73,7 +73,7 @@ def written(mesh: TetMesh, folder: Path, name: str) -> Path:
 
 @pytest.mark.parametrize("name", SOLIDS)
 @pytest.mark.parametrize("case", MESHES)
-def test_every_program_finds_the_mesh(case: str, name: str, tmp_path: Path) -> None:
+def test_every_program_finds_the_mesh(case, name, tmp_path):
     """Nodes, tetrahedra, their regions by number and name, sets, and fields on the right nodes; cortet does, too."""
     mesh = MESHES[case]()
     path = written(mesh, tmp_path, name)
@@ -118,7 +118,7 @@ def found_by_cortet(mesh: TetMesh, path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SURFACES)
-def test_programs_find_the_boundary_and_its_frame(name: str, mesh: TetMesh, tmp_path: Path) -> None:
+def test_programs_find_the_boundary_and_its_frame(name, mesh, tmp_path):
     frame = CoordinateFrame("NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_MNI_152", (2, 0, 0, 5, *np.eye(4).ravel()[4:]))
     path, (boundary, nodes) = tmp_path / f"m{FORMATS[name].suffix}", boundary_surface(mesh)
     write(mesh, path, solver=name, frame=frame)
@@ -132,7 +132,7 @@ def test_programs_find_the_boundary_and_its_frame(name: str, mesh: TetMesh, tmp_
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_the_same_mesh_gives_the_same_bytes(name: str, mesh: TetMesh, tmp_path: Path) -> None:
+def test_the_same_mesh_gives_the_same_bytes(name, mesh, tmp_path):
     for folder in ("first", "second"):
         written(mesh, tmp_path / folder, name)
     files = [sorted((tmp_path / folder).iterdir()) for folder in ("first", "second")]
@@ -148,7 +148,7 @@ def test_the_same_mesh_gives_the_same_bytes(name: str, mesh: TetMesh, tmp_path: 
         *((read_mesh, "x.bpts", ".vtu"), (read_mesh, "x.stl", "mesh")),
     ],
 )
-def test_a_file_of_no_format_is_refused_with_what_to_use_instead(of: Callable, name: str, instead: str) -> None:
+def test_a_file_of_no_format_is_refused_with_what_to_use_instead(of, name, instead):
     assert format_of(Path("x.boundary.surf.gii")).name == "gifti" and format_of(Path("a.b.inp")).name == "abaqus"
     with pytest.raises(InputError, match=instead) as caught:
         of(Path(name))
@@ -158,7 +158,7 @@ def test_a_file_of_no_format_is_refused_with_what_to_use_instead(of: Callable, n
 # --- numbers and names of regions
 
 
-def test_the_sidecar_and_the_file_have_the_table_of_regions(tmp_path: Path) -> None:
+def test_the_sidecar_and_the_file_have_the_table_of_regions(tmp_path):
     for name in ("vtu", "nastran", "carp", "abaqus", "fenics"):
         path = tmp_path / f"m{FORMATS[name].suffix}"
         export(model(), path, solver=name, certificate={"certified": True, "reasons": []})
@@ -172,7 +172,7 @@ def test_the_sidecar_and_the_file_have_the_table_of_regions(tmp_path: Path) -> N
     assert "** region 1: cortex\n** region 2: white\n" in (tmp_path / "m.inp").read_text()
 
 
-def test_regions_beyond_99_and_labels_of_0_have_numbers_of_their_own() -> None:
+def test_regions_beyond_99_and_labels_of_0_have_numbers_of_their_own():
     mesh = model()
     labels = np.where(mesh.cell_data["tissue"] == 3, 0, 1035).astype(np.int32)
     fields = {REGION: mesh.cell_data[REGION], "parc": labels}
@@ -183,7 +183,7 @@ def test_regions_beyond_99_and_labels_of_0_have_numbers_of_their_own() -> None:
         named_sets(mesh, inner=["white"], tags="missing")
 
 
-def test_no_element_of_a_gmsh_file_is_in_two_groups_and_no_number_means_two(mesh: TetMesh, tmp_path: Path) -> None:
+def test_no_element_of_a_gmsh_file_is_in_two_groups_and_no_number_means_two(mesh, tmp_path):
     """dolfinx makes an element of each member of each group (`gmshio.extract_topology_and_markers`)."""
     gmsh.initialize(argv=[], readConfigFiles=False)
     try:
@@ -210,7 +210,7 @@ def test_no_element_of_a_gmsh_file_is_in_two_groups_and_no_number_means_two(mesh
     assert by_gmsh(tmp_path / "quoted.msh").names == {1: "a 'b' c", 2: "core"}
 
 
-def test_the_facets_of_fenics_have_the_nodes_of_the_mesh_and_tags_first(tmp_path: Path) -> None:
+def test_the_facets_of_fenics_have_the_nodes_of_the_mesh_and_tags_first(tmp_path):
     mesh = model()
     path = written(mesh, tmp_path, "fenics")
     facets = meshio.read(fenics.facets_path(path))
@@ -252,7 +252,7 @@ TEXTS = {
 }
 
 
-def test_a_tetrahedron_is_written_as_the_manuals_say(tmp_path: Path) -> None:
+def test_a_tetrahedron_is_written_as_the_manuals_say(tmp_path):
     tetrahedron = replace(TETRAHEDRON, point_data={"age": np.array([1.5, 2, 3, 4])})
     for name in ("abaqus", "febio", "carp", "braingrowth"):
         FORMATS[name].write(tetrahedron, tmp_path / f"m{FORMATS[name].suffix}")
@@ -263,21 +263,21 @@ def test_a_tetrahedron_is_written_as_the_manuals_say(tmp_path: Path) -> None:
     assert not (tmp_path / "other.mesh").exists()
 
 
-def test_no_number_for_calculix_is_longer_than_it_reads(tmp_path: Path) -> None:
+def test_no_number_for_calculix_is_longer_than_it_reads(tmp_path):
     mesh = cube_mesh(2, side=np.pi * 1e-5, jitter=0.2)
     abaqus.write(replace(mesh, points=mesh.points - 1e-6), tmp_path / "m.inp")
     assert max(map(len, re.findall(r"[-.e\d]+", (tmp_path / "m.inp").read_text()))) <= 20
 
 
 @pytest.mark.parametrize("name", ["sphere5.mesh", "brain_simp_red.mesh"])
-def test_braingrowths_own_meshes_are_read(name: str) -> None:
+def test_braingrowths_own_meshes_are_read(name):
     if not (TALLINEN / name).exists():
         pytest.skip("../shared/data/tallinen is not here")
     mesh = braingrowth.read(TALLINEN / name)
     assert signed_volumes(mesh.points, mesh.cells).min() > 0
 
 
-def test_coordinates_of_opencarp_come_back_bit_for_bit_in_mm_and_scaled_in_um(tmp_path: Path) -> None:
+def test_coordinates_of_opencarp_come_back_bit_for_bit_in_mm_and_scaled_in_um(tmp_path):
     cube = cube_mesh(3, side=np.pi, jitter=0.2)
     mesh = TetMesh(cube.points, cube.cells, cell_data={REGION: np.arange(len(cube.cells), dtype=np.int32)})
     carp.write(mesh, tmp_path / "hemi-L_res-0.6mm.pts", unit="mm")
@@ -288,7 +288,7 @@ def test_coordinates_of_opencarp_come_back_bit_for_bit_in_mm_and_scaled_in_um(tm
     assert carp.read(tmp_path / "m", unit="mm").points.max() == pytest.approx(1000 * np.pi)
 
 
-def test_every_array_of_a_vtu_file_comes_back_bit_for_bit(tmp_path: Path) -> None:
+def test_every_array_of_a_vtu_file_comes_back_bit_for_bit(tmp_path):
     cube, random = cube_mesh(3), np.random.default_rng(1)
     n, m = len(cube.points), len(cube.cells)
     of_nodes = {"thickness": random.normal(size=n), "label": random.integers(-5, 9, n, dtype=np.int32)}
@@ -341,7 +341,7 @@ def lame(core: tuple[float, float], shell: tuple[float, float], pressure: float)
 
 
 @pytest.mark.skipif(not shutil.which("ccx"), reason="CalculiX (calculix-ccx) is not installed")
-def test_calculix_finds_what_lame_found_for_a_soft_shell_around_a_stiff_ball(tmp_path: Path) -> None:
+def test_calculix_finds_what_lame_found_for_a_soft_shell_around_a_stiff_ball(tmp_path):
     pair = nested(ball_surface(4, OUTER), {"white": ball_surface(4, INNER)})
     balls = named_sets(surface_nodes_first(generate(pair, cell_size=1.6)[0])[0], inner=["white"])
     core, shell, pressure = (1000.0, 0.3), (250.0, 0.35), 10.0

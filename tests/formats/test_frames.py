@@ -125,7 +125,7 @@ def phantom() -> dict[str, Volume]:
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_a_subject_of_freesurfer_lies_at_the_same_place_in_every_form(tmp_path: Path, form: str) -> None:
+def test_a_subject_of_freesurfer_lies_at_the_same_place_in_every_form(tmp_path, form):
     """The same tetrahedra get the labels, FA and fibres that are known, from an oblique volume."""
     surface = read_surface(FORMS[form](tmp_path))
     to_scanner = surface.frame.to_scanner
@@ -210,9 +210,7 @@ UNPLACED: dict[str, Callable[[Path], Path]] = {
 
 
 @pytest.mark.parametrize("case", UNPLACED)
-def test_what_gives_no_place_leaves_the_coordinates_and_is_said(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, case: str
-) -> None:
+def test_what_gives_no_place_leaves_the_coordinates_and_is_said(tmp_path, caplog, case):
     path = UNPLACED[case](tmp_path)
     surface = read_surface(path)
     assert np.array_equal(surface.frame.to_scanner, np.eye(4))
@@ -242,15 +240,13 @@ WRONG: dict[str, Callable[[Path], Path]] = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_a_place_that_cannot_be_is_refused(tmp_path: Path, case: str) -> None:
+def test_a_place_that_cannot_be_is_refused(tmp_path, case):
     path = WRONG[case](tmp_path)
     with pytest.raises(InputError, match=path.name):
         read_surface(path)
 
 
-def test_of_two_systems_that_to_the_scanner_is_taken_and_named(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_of_two_systems_that_to_the_scanner_is_taken_and_named(tmp_path, caplog):
     systems = (UNKNOWN, TALAIRACH, TO_TALAIRACH), (UNKNOWN, SCANNER, TO_SCANNER)
     surface = read_surface(gifti(tmp_path / "x.surf.gii", IN_FREESURFER, *systems))
     np.testing.assert_allclose(surface.frame.to_scanner, TO_SCANNER, atol=1e-6)
@@ -258,15 +254,13 @@ def test_of_two_systems_that_to_the_scanner_is_taken_and_named(
 
 
 @pytest.mark.parametrize("form", ["7.2 without", "7.4", "to-scanner"])
-def test_an_image_of_nibabel_lies_where_its_file_does(tmp_path: Path, form: str) -> None:
+def test_an_image_of_nibabel_lies_where_its_file_does(tmp_path, form):
     path = FORMS[form](tmp_path)
     assert surface_of(nibabel.load(path)).frame == read_surface(path).frame
 
 
 @pytest.mark.parametrize(("shift", "said"), [(0.3, False), (4.0, True)])
-def test_an_image_that_is_placed_in_two_ways_says_which_is_taken(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture, shift: float, said: bool
-) -> None:
+def test_an_image_that_is_placed_in_two_ways_says_which_is_taken(tmp_path, caplog, shift, said):
     image = nibabel.Nifti1Image(np.ones((4, 5, 6), np.float32) / 3, np.eye(4))
     elsewhere = np.eye(4)
     elsewhere[0, 3] = shift
@@ -278,7 +272,7 @@ def test_an_image_that_is_placed_in_two_ways_says_which_is_taken(
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_surfaces_in_different_spaces_are_not_nested(tmp_path: Path, form: str) -> None:
+def test_surfaces_in_different_spaces_are_not_nested(tmp_path, form):
     """A pial surface in the scanner and a white one in FreeSurfer's axes would be off by the place of the volume."""
     surface = read_surface(FORMS["to-scanner"](tmp_path))
     (tmp_path / "inner").mkdir()

@@ -50,7 +50,7 @@ def refused(word: str, given: list[Path] | None = None, **outputs: Any) -> None:
 # --- complete or not at all
 
 
-def test_a_file_has_its_name_only_when_it_is_complete(tmp_path: Path) -> None:
+def test_a_file_has_its_name_only_when_it_is_complete(tmp_path):
     final = tmp_path / "sub-1" / "x.surf.gii"
     with atomic_path(final) as temporary:
         assert temporary.parent == final.parent and temporary.name.endswith(".surf.gii")
@@ -62,7 +62,7 @@ def test_a_file_has_its_name_only_when_it_is_complete(tmp_path: Path) -> None:
     assert final.read_text() == "whole" and [path.name for path in final.parent.iterdir()] == ["x.surf.gii"]
 
 
-def test_on_a_full_disk_no_part_of_a_file_is_left(tmp_path: Path) -> None:
+def test_on_a_full_disk_no_part_of_a_file_is_left(tmp_path):
     for opened in (atomic_path, atomic_folder):
         with pytest.raises(InputError, match=r"m\.vtu.*disk"), opened(tmp_path / "m.vtu") as temporary:
             (temporary if opened is atomic_path else temporary / "m.vtu").write_text("half")
@@ -70,7 +70,7 @@ def test_on_a_full_disk_no_part_of_a_file_is_left(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_a_full_disk_may_cut_off_the_list_of_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_may_cut_off_the_list_of_files(tmp_path, monkeypatch):
     path, opened = made(tmp_path / "x"), Path.open
 
     def full(file: Path, *how: Any, **more: Any) -> Any:
@@ -87,9 +87,7 @@ def test_a_full_disk_may_cut_off_the_list_of_files(tmp_path: Path, monkeypatch: 
     assert made(path, "again").read_text() == "again" and is_ours(path)
 
 
-def test_the_file_that_was_asked_for_comes_after_those_that_belong_to_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_file_that_was_asked_for_comes_after_those_that_belong_to_it(tmp_path, monkeypatch):
     moved, replace = [], Path.replace
     monkeypatch.setattr(Path, "replace", lambda file, to: (moved.append(to.name), replace(file, to)))
     with atomic_folder(tmp_path / "x.inp") as folder:
@@ -98,7 +96,7 @@ def test_the_file_that_was_asked_for_comes_after_those_that_belong_to_it(
     assert moved == ["x_fields.inp", "x.inp", "x.inp.json"]
 
 
-def test_json_is_strict(tmp_path: Path) -> None:
+def test_json_is_strict(tmp_path):
     write_json({"mean_q": 0.125}, tmp_path / "x.json")
     with pytest.raises(ValueError, match="JSON"):
         write_json({"mean_q": float("nan")}, tmp_path / "x.json")
@@ -106,7 +104,7 @@ def test_json_is_strict(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("why", ["read only", "a file is in its place"])
-def test_a_folder_that_cannot_be_written_to_is_named(why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_cannot_be_written_to_is_named(why, tmp_path, monkeypatch):
     folder = tmp_path / "out"
     if why == "read only":
         monkeypatch.setattr("os.access", lambda path, mode: path != folder)  # root may write anywhere
@@ -121,7 +119,7 @@ def test_a_folder_that_cannot_be_written_to_is_named(why: str, tmp_path: Path, m
 
 
 @pytest.mark.parametrize("force", [False, True])
-def test_no_input_is_written_to_whatever_it_is_called(tmp_path: Path, force: bool) -> None:
+def test_no_input_is_written_to_whatever_it_is_called(tmp_path, force):
     given = tmp_path / "given"
     given.write_text("mine")
     (tmp_path / "folder").symlink_to(tmp_path)
@@ -135,7 +133,7 @@ def test_no_input_is_written_to_whatever_it_is_called(tmp_path: Path, force: boo
 
 
 @pytest.mark.parametrize("force", [False, True])
-def test_what_a_command_has_read_is_an_input(tmp_path: Path, force: bool) -> None:
+def test_what_a_command_has_read_is_an_input(tmp_path, force):
     read = made(tmp_path / "x.mesh")
     with guarded([], force=force), pytest.raises(InputError, match="is an input"):
         has_read(read)
@@ -153,7 +151,7 @@ def test_what_a_command_has_read_is_an_input(tmp_path: Path, force: bool) -> Non
 # --- files of others
 
 
-def test_a_file_is_replaced_if_cortet_made_it_and_nobody_edited_it_or_when_forced(tmp_path: Path) -> None:
+def test_a_file_is_replaced_if_cortet_made_it_and_nobody_edited_it_or_when_forced(tmp_path):
     notes = tmp_path / "notes"
     notes.write_text("mine")
     refused("--force", files=[notes])
@@ -170,7 +168,7 @@ def test_a_file_is_replaced_if_cortet_made_it_and_nobody_edited_it_or_when_force
     refused("name", files=[tmp_path / "y", tmp_path / "." / "y"])
 
 
-def test_many_commands_may_write_to_one_folder(tmp_path: Path) -> None:
+def test_many_commands_may_write_to_one_folder(tmp_path):
     code = (
         "import sys; from pathlib import Path; from tests.formats.test_ownership import made; made(Path(sys.argv[1]))"
     )
@@ -180,7 +178,7 @@ def test_many_commands_may_write_to_one_folder(tmp_path: Path) -> None:
     assert all(map(is_ours, files))
 
 
-def test_no_file_of_several_moves_where_one_may_not(tmp_path: Path) -> None:
+def test_no_file_of_several_moves_where_one_may_not(tmp_path):
     (tmp_path / "b").write_text("mine")
     with guarded([]), pytest.raises(InputError, match=r"/b: exists"), atomic_folder(tmp_path / "a") as folder:
         (folder / "a").write_text("new")
@@ -188,7 +186,7 @@ def test_no_file_of_several_moves_where_one_may_not(tmp_path: Path) -> None:
     assert not (tmp_path / "a").exists() and (tmp_path / "b").read_text() == "mine"
 
 
-def test_only_what_a_record_lists_and_is_unchanged_is_deleted(tmp_path: Path) -> None:
+def test_only_what_a_record_lists_and_is_unchanged_is_deleted(tmp_path):
     first, second, stranger = (tmp_path / name for name in ("x.elem", "x.lon", "y.json"))
     for path in (first, second):
         path.write_text("made")
@@ -201,7 +199,7 @@ def test_only_what_a_record_lists_and_is_unchanged_is_deleted(tmp_path: Path) ->
     assert second.exists() and stranger.exists()
 
 
-def test_a_folder_is_filled_if_it_is_new_empty_or_cortets_and_edited_files_stay(tmp_path: Path) -> None:
+def test_a_folder_is_filled_if_it_is_new_empty_or_cortets_and_edited_files_stay(tmp_path):
     new, full, file = tmp_path / "new", tmp_path / "full", tmp_path / "file"
     full.mkdir()
     (full / "thesis").write_text("mine")
@@ -224,7 +222,7 @@ def test_a_folder_is_filled_if_it_is_new_empty_or_cortets_and_edited_files_stay(
 
 
 @pytest.mark.parametrize("letter", ["x", "\u00fc"])
-def test_a_name_beside_which_no_temporary_file_fits_is_refused(tmp_path: Path, letter: str) -> None:
+def test_a_name_beside_which_no_temporary_file_fits_is_refused(tmp_path, letter):
     """A file is written to a temporary name first, which is longer; a letter may have two bytes."""
     longest = 255 - len(f".{os.getpid()}-12345678.")
     fits = tmp_path / "new" / (letter * ((longest - 4) // len(letter.encode())) + ".vtu")
@@ -232,7 +230,7 @@ def test_a_name_beside_which_no_temporary_file_fits_is_refused(tmp_path: Path, l
     refused("shorter", files=[fits.with_name(letter + fits.name)])
 
 
-def test_temporary_files_of_ended_processes_are_deleted_and_nothing_else(tmp_path: Path) -> None:
+def test_temporary_files_of_ended_processes_are_deleted_and_nothing_else(tmp_path):
     ended = subprocess.Popen(["true"])
     ended.wait()
     left = [f".{ended.pid}-0123abcd.{name}" for name in ("fold.tsv", "frame_0001.vtu")]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import nibabel
 import numpy as np
@@ -29,7 +28,7 @@ def in_voxels(surface: TriSurface) -> TriSurface:
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("m", 1000.0), ("um", 0.001)])
-def test_units(unit: str, factor: float) -> None:
+def test_units(unit, factor):
     ball, frame = ball_surface(), CoordinateFrame("NIFTI_XFORM_TALAIRACH")
     surface = TriSurface(ball.points / factor, ball.faces, frame=frame)
     made = placed(surface, matrix(unit, None))
@@ -38,7 +37,7 @@ def test_units(unit: str, factor: float) -> None:
     assert matrix("mm", None) is None and placed(surface, None) is surface
 
 
-def test_an_affine_of_rows_or_of_an_image(tmp_path: Path) -> None:
+def test_an_affine_of_rows_or_of_an_image(tmp_path):
     surface = ball_surface(3, 20.0)
     image = tmp_path / "t2.nii.gz"
     nibabel.save(nibabel.Nifti1Image(np.zeros((2, 2, 2), np.uint8), np.array(AFFINE)), image)
@@ -62,9 +61,7 @@ def test_an_affine_of_rows_or_of_an_image(tmp_path: Path) -> None:
         ("mm", "x.surf.gii", "x.surf.gii.* image"),
     ],
 )
-def test_what_is_no_placement_is_refused(
-    unit: str, affine: Any, word: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_no_placement_is_refused(unit, affine, word, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("text.nii").write_text("no image")
     write_surface(ball_surface(), tmp_path / "x.surf.gii")
@@ -72,7 +69,7 @@ def test_what_is_no_placement_is_refused(
         matrix(unit, affine)
 
 
-def test_the_line_places_what_it_reads_and_records_how() -> None:
+def test_the_line_places_what_it_reads_and_records_how():
     surface = ball_surface(3, 20.0)
     config = load({"gate": {"affine": AFFINE}, "generate": {"cell_size": 4.0}})
     steps = {}
@@ -86,7 +83,7 @@ def test_the_line_places_what_it_reads_and_records_how() -> None:
     assert "to_mm" not in next(run(surface, load({}))).parameters
 
 
-def test_coordinates_that_a_file_holds_coarsely_are_said_or_refused(caplog: pytest.LogCaptureFixture) -> None:
+def test_coordinates_that_a_file_holds_coarsely_are_said_or_refused(caplog):
     """At 1e5 mm numbers of single precision are 1/128 mm apart, at 1e6 mm 1/16."""
     ball = ball_surface()
     require_precision(ball.points + 1e4, 0.6)

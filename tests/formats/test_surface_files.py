@@ -52,9 +52,7 @@ from cortet.solver_files.fields import with_fields
 )
 @pytest.mark.parametrize(("endian", "name"), [("<", "GIFTI_ENDIAN_LITTLE"), (">", "GIFTI_ENDIAN_BIG"), (">", "")])
 @pytest.mark.parametrize("index", [np.int32, np.uint32, np.int64])
-def test_every_valid_form_is_read(
-    tmp_path: Path, encoding: str, order: str, endian: str, name: str, index: type
-) -> None:
+def test_every_valid_form_is_read(tmp_path, encoding, order, endian, name, index):
     """Those names of endianness NiBabel wrote once."""
     how = {"encoding": encoding, "order": order, "endian": endian} | ({"Endian": name} if name else {})
     frame = CoordinateFrame("NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_TALAIRACH", tuple(map(float, MATRIX.split())))
@@ -64,7 +62,7 @@ def test_every_valid_form_is_read(
         assert surface.frame == frame
 
 
-def test_what_is_written_is_read_back_and_is_what_nibabel_reads(tmp_path: Path) -> None:
+def test_what_is_written_is_read_back_and_is_what_nibabel_reads(tmp_path):
     matrix = (*np.add(np.eye(4), 0.1).ravel()[:12].tolist(), 0, 0, 0, 1)
     frame = CoordinateFrame("NIFTI_XFORM_ALIGNED_ANAT", "NIFTI_XFORM_MNI_152", matrix)
     fields = {"thickness": np.linspace(1, 2, len(BALL.points)), "region": np.arange(len(BALL.points)) % 3}
@@ -90,7 +88,7 @@ def test_what_is_written_is_read_back_and_is_what_nibabel_reads(tmp_path: Path) 
         *(("lh.white", "white"), ("lh.pial.T1", "pial"), ("whitehead_surface.gii", None), ("sub-wm01.surf.gii", None)),
     ],
 )
-def test_a_file_names_its_surface_and_its_hemisphere(tmp_path: Path, name: str, kind: str | None) -> None:
+def test_a_file_names_its_surface_and_its_hemisphere(tmp_path, name, kind):
     path = saved(tmp_path, name, gifti(points(), triangles()))
     assert kind_of(path) == kind and hemisphere_of(path) is None
     for structure, hemisphere in (("CortexLeft", "L"), ("CortexRight", "R"), ("Cerebellum", None)):
@@ -99,7 +97,7 @@ def test_a_file_names_its_surface_and_its_hemisphere(tmp_path: Path, name: str, 
         assert kind_of(path) == "pial" and hemisphere_of(path) == hemisphere
 
 
-def test_a_file_that_is_packed_as_a_whole_is_read(tmp_path: Path) -> None:
+def test_a_file_that_is_packed_as_a_whole_is_read(tmp_path):
     whole = gifti(points(), triangles())
     for packed in (gzip.compress(whole), gzip.compress(whole[:99]) + gzip.compress(whole[99:])):  # as bgzip does
         path = saved(tmp_path, "x.surf.gii.gz", packed)
@@ -108,7 +106,7 @@ def test_a_file_that_is_packed_as_a_whole_is_read(tmp_path: Path) -> None:
         read_surface(saved(tmp_path, "x.surf.gii.gz", packed[:-20]))
 
 
-def test_data_in_an_external_file_are_part_of_the_input(tmp_path: Path) -> None:
+def test_data_in_an_external_file_are_part_of_the_input(tmp_path):
     """Also of its hash, by which a case runs again."""
     saved(tmp_path, "x.dat", b"head" + POINTS.tobytes())
     how = {"encoding": "ExternalFileBinary", "ExternalFileName": "x.dat", "ExternalFileOffset": "4"}
@@ -127,7 +125,7 @@ def test_data_in_an_external_file_are_part_of_the_input(tmp_path: Path) -> None:
             read_surface(saved(tmp_path, "x.surf.gii", gifti(points(**how | one), triangles())))
 
 
-def test_reading_a_surface_loads_no_numba_and_no_part_of_scipy(tmp_path: Path) -> None:
+def test_reading_a_surface_loads_no_numba_and_no_part_of_scipy(tmp_path):
     """Each job of the workflow reads one; most do nothing else that takes time."""
     path = saved(tmp_path, "x.surf.gii", gifti(points(), triangles()))
     code = f"import sys; from cortet.formats.gifti import read_surface; read_surface({str(path)!r})\n"
@@ -141,7 +139,7 @@ def test_reading_a_surface_loads_no_numba_and_no_part_of_scipy(tmp_path: Path) -
 
 @pytest.mark.parametrize("packed", [False, True])
 @pytest.mark.parametrize("name", FOREIGN)
-def test_a_surface_of_another_program_is_closed_and_of_its_size(tmp_path: Path, name: str, packed: bool) -> None:
+def test_a_surface_of_another_program_is_closed_and_of_its_size(tmp_path, name, packed):
     content = gzip.compress(FOREIGN[name]) if packed else FOREIGN[name]
     surface = read_surface(saved(tmp_path, f"{name}.gz" if packed else name, content))
     assert (len(surface.points), len(surface.faces)) == (len(BALL.points), len(BALL.faces))
@@ -150,7 +148,7 @@ def test_a_surface_of_another_program_is_closed_and_of_its_size(tmp_path: Path, 
     assert enclosed_volume(surface.points, surface.faces) == pytest.approx(expected, rel=1e-5)
 
 
-def test_an_obj_file_may_say_more_and_is_one_closed_surface(tmp_path: Path) -> None:
+def test_an_obj_file_may_say_more_and_is_one_closed_surface(tmp_path):
     """trimesh 5.2 makes vertices of their own for each material, so that nothing closes."""
     text = b"# colours\nv 0 0 0 1 1 1\nv 1 0 0 1 1 1\nv 0 1 0 1 1 1\nv 0 0 1 1 1 1\nvn 0 0 1\nvt 0 0\nvt 1 0\nvt 0 1\n"
     text += b"g a\nusemtl x\nf 1/1/1 3//1 2\nf 1/3 2/1 4/2\ng b\nusemtl y\nf 1/2 4/3 3/1\nf 2/2 3/1 4/3\n"
@@ -159,7 +157,7 @@ def test_an_obj_file_may_say_more_and_is_one_closed_surface(tmp_path: Path) -> N
     assert surface_topology(surface.faces).problems() == []
 
 
-def test_a_ply_file_of_either_order_and_with_other_properties(tmp_path: Path) -> None:
+def test_a_ply_file_of_either_order_and_with_other_properties(tmp_path):
     head = "ply\nformat binary_{}_endian 1.0\ncomment x\nelement vertex 3\nproperty double x\nproperty double y\n"
     head += "property double z\nproperty uchar red\nelement face 1\n"
     head += "property list uchar uint vertex_index\nend_header\n"
@@ -172,7 +170,7 @@ def test_a_ply_file_of_either_order_and_with_other_properties(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("magic", [b"\xff\xff\xff", b"\xff\xff\xfd"])
-def test_a_surface_of_quadrangles_is_read(tmp_path: Path, magic: bytes) -> None:
+def test_a_surface_of_quadrangles_is_read(tmp_path, magic):
     """A cube of 20 mm; the first of the two magic numbers is also that of files of values."""
     corners = 20.0 * np.indices((2, 2, 2)).reshape(3, -1).T
     faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
@@ -187,7 +185,7 @@ def test_a_surface_of_quadrangles_is_read(tmp_path: Path, magic: bytes) -> None:
             read(saved(tmp_path, name, kept))
 
 
-def test_a_surface_of_freesurfer_that_is_cut_off_packed_or_missing_is_refused(tmp_path: Path) -> None:
+def test_a_surface_of_freesurfer_that_is_cut_off_packed_or_missing_is_refused(tmp_path):
     freesurfer.write_geometry(str(tmp_path / "lh.white"), BALL.points, BALL.faces)
     assert np.array_equal(read_surface(tmp_path / "lh.white").faces, BALL.faces)
     whole = (tmp_path / "lh.white").read_bytes()
@@ -214,7 +212,7 @@ def shape_file(path: Path, *arrays: tuple[str, object, str]) -> Path:
     return path
 
 
-def test_fields_take_their_names_from_metadata_or_the_file(tmp_path: Path) -> None:
+def test_fields_take_their_names_from_metadata_or_the_file(tmp_path):
     arrays = ("sulc", [0.5, 1.5, 2.5], "SHAPE"), ("", [3, 0, 7], "LABEL")
     fields = read_fields(shape_file(tmp_path / "regions.label.gii", *arrays))
     assert list(fields) == ["sulc", "regions"]
@@ -222,7 +220,7 @@ def test_fields_take_their_names_from_metadata_or_the_file(tmp_path: Path) -> No
     assert fields["regions"].dtype == np.int32
 
 
-def test_values_are_those_of_the_vertices_that_a_file_lists(tmp_path: Path) -> None:
+def test_values_are_those_of_the_vertices_that_a_file_lists(tmp_path):
     """AFNI writes values in an order of its own, with an array of the vertices that they belong to."""
 
     def listed(nodes: list[int]) -> Path:
@@ -236,7 +234,7 @@ def test_values_are_those_of_the_vertices_that_a_file_lists(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("kind", [np.uint32, np.int64])
-def test_labels_are_whole_numbers_of_32_bits_and_never_wrapped(tmp_path: Path, kind: type) -> None:
+def test_labels_are_whole_numbers_of_32_bits_and_never_wrapped(tmp_path, kind):
     values = np.array([1, 2**31 + 5, 3], kind)
     with pytest.raises(InputError, match="2147483653"):
         read_fields(saved(tmp_path, "x.label.gii", gifti(data_array(values, "LABEL"))))
@@ -247,7 +245,7 @@ def test_labels_are_whole_numbers_of_32_bits_and_never_wrapped(tmp_path: Path, k
             read_fields(shape_file(tmp_path / "x.label.gii", ("parcel", [1, value, 0], "LABEL")))
 
 
-def test_label_tables_of_earlier_tools_are_read_and_labels_without_a_name_have_none(tmp_path: Path) -> None:
+def test_label_tables_of_earlier_tools_are_read_and_labels_without_a_name_have_none(tmp_path):
     def table(labels: str) -> Path:
         return saved(tmp_path, "caret.label.gii", f"<GIFTI><LabelTable>{labels}</LabelTable></GIFTI>".encode())
 
@@ -257,7 +255,7 @@ def test_label_tables_of_earlier_tools_are_read_and_labels_without_a_name_have_n
         read_label_names(table('<Label Index="1">insula</Label><Label Key="1"></Label>'))
 
 
-def test_plain_numbers_are_fields(tmp_path: Path) -> None:
+def test_plain_numbers_are_fields(tmp_path):
     """As CIVET writes them: thickness, and numbers of parcels."""
     values = np.linspace(1, 3, 162)
     thick = saved(tmp_path, "thick.txt", "".join(f" {value:.6f}\n" for value in values).encode())
@@ -272,7 +270,7 @@ def test_plain_numbers_are_fields(tmp_path: Path) -> None:
         read_fields(saved(tmp_path, "two.txt", b"1.0\n1.0 2.0\n"))
 
 
-def test_values_and_labels_of_freesurfer_are_fields(tmp_path: Path) -> None:
+def test_values_and_labels_of_freesurfer_are_fields(tmp_path):
     values, labels = np.linspace(1, 3, 162), np.arange(162) % 3
     thick, annot = tmp_path / "lh.thickness", tmp_path / "lh.aparc.annot"
     freesurfer.write_morph_data(str(thick), values)
@@ -290,13 +288,13 @@ def test_values_and_labels_of_freesurfer_are_fields(tmp_path: Path) -> None:
             read_fields(saved(tmp_path, "lh.cut", content))
 
 
-def test_single_precision_changes_nothing_twice() -> None:
+def test_single_precision_changes_nothing_twice():
     rounded = single_precision(TriSurface([[1 / 3, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 2]]))
     assert rounded.points[0, 0] == np.float32(1 / 3)
     assert np.array_equal(single_precision(rounded).points, rounded.points)
 
 
-def test_a_field_takes_the_name_that_it_is_given_and_has_a_value_for_each_vertex(tmp_path: Path) -> None:
+def test_a_field_takes_the_name_that_it_is_given_and_has_a_value_for_each_vertex(tmp_path):
     ball, file = ball_surface(1), tmp_path / "a.shape.gii"
     holes = np.where(np.isin(np.arange(42), [5, 7]), np.nan, 1.0)
     shape_file(file, ("anything", np.arange(42), "SHAPE"))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -16,25 +15,25 @@ from cortet.formats.tsv import cell, read_tsv, read_uneven_tsv, write_tsv
 TEXTS = ['the "best" one', '"', '""quoted""', "it's", "\\", "a  b", "NA", "nan", "None", "1e5", "007", "#", "é"]
 
 
-def test_cells_are_read_back_as_they_were_written(tmp_path: Path) -> None:
+def test_cells_are_read_back_as_they_were_written(tmp_path):
     rows = [{"text": text, "more": f'"{text}'} for text in TEXTS]
     write_tsv(rows, ["text", "more"], tmp_path / "t.tsv")
     assert read_tsv(tmp_path / "t.tsv").to_dict("records") == rows
 
 
-def test_a_quotation_mark_is_a_character_like_any_other(tmp_path: Path) -> None:
+def test_a_quotation_mark_is_a_character_like_any_other(tmp_path):
     write_tsv([{"reason": 'a "b" c'}], ["reason"], tmp_path / "t.tsv")
     assert (tmp_path / "t.tsv").read_bytes() == b'reason\na "b" c\n'
 
 
-def test_cells_have_no_tabs_and_are_never_empty() -> None:
+def test_cells_have_no_tabs_and_are_never_empty():
     values = (0.123456789, 3, None, "", "a\tb\nc ", 1e-7, float("nan"), np.float64(2), np.int64(1234567), " \n")
     assert [cell(value) for value in values] == [
         *("0.123457", "3", "n/a", "n/a", "a b c", "1e-07", "n/a", "2", "1234567", "n/a")
     ]
 
 
-def test_columns_are_those_asked_for_and_what_a_row_lacks_is_missing(tmp_path: Path) -> None:
+def test_columns_are_those_asked_for_and_what_a_row_lacks_is_missing(tmp_path):
     write_tsv([{"b": 1, "c": 2}, {"a": 1.5}], ["a", "b"], tmp_path / "t.tsv")
     assert (tmp_path / "t.tsv").read_text() == "a\tb\nn/a\t1\n1.5\tn/a\n"
     write_tsv([], ["a", "b"], tmp_path / "t.tsv")
@@ -42,7 +41,7 @@ def test_columns_are_those_asked_for_and_what_a_row_lacks_is_missing(tmp_path: P
     assert read_tsv(tmp_path / "t.tsv").empty
 
 
-def test_a_frame_is_written_with_every_kind_of_missing_value(tmp_path: Path) -> None:
+def test_a_frame_is_written_with_every_kind_of_missing_value(tmp_path):
     frame = pd.DataFrame(
         {"x": [0.25, np.nan], "n": pd.array([20_000_000, None], "Int64"), "t": ["a", None]}, index=[7, 7]
     )
@@ -50,14 +49,14 @@ def test_a_frame_is_written_with_every_kind_of_missing_value(tmp_path: Path) -> 
     assert (tmp_path / "t.tsv").read_text() == "t\tn\tx\na\t20000000\t0.25\nn/a\tn/a\tn/a\n"
 
 
-def test_rows_are_known_by_their_lines(tmp_path: Path) -> None:
+def test_rows_are_known_by_their_lines(tmp_path):
     (tmp_path / "t.tsv").write_bytes(b"\xef\xbb\xbfa\tb\r\n\r\n1\t 2 \r3\t\n\n")
     table = read_tsv(tmp_path / "t.tsv")
     assert list(table.index) == [3, 4]
     assert table.to_dict("records") == [{"a": "1", "b": "2"}, {"a": "3", "b": ""}]
 
 
-def test_a_row_of_another_length_is_named_or_made_to_fit(tmp_path: Path) -> None:
+def test_a_row_of_another_length_is_named_or_made_to_fit(tmp_path):
     (tmp_path / "t.tsv").write_text("a\tb\n1\n1\t2\n1\t2\t3\n")
     with pytest.raises(InputError, match=r"2 problem\(s\)\n  line 2, .*1 values for 2"):
         read_tsv(tmp_path / "t.tsv")
@@ -78,13 +77,13 @@ def test_a_row_of_another_length_is_named_or_made_to_fit(tmp_path: Path) -> None
         (b"\t" * 20_000 + b"x", "20,001 columns"),
     ],
 )
-def test_what_is_no_table_is_refused(content: bytes, words: str, tmp_path: Path) -> None:
+def test_what_is_no_table_is_refused(content, words, tmp_path):
     (tmp_path / "t.tsv").write_bytes(content)
     with pytest.raises(InputError, match=words):
         read_tsv(tmp_path / "t.tsv")
 
 
-def test_a_job_loads_pandas_and_vtk_only_if_it_makes_a_table_or_a_picture_with_them() -> None:
+def test_a_job_loads_pandas_and_vtk_only_if_it_makes_a_table_or_a_picture_with_them():
     modules = "cortet.stages.clean, cortet.cohort.sheet"
     modules += ", cortet.report.cohort_maps, cortet.report.slices, cortet.solver_files.write"
     code = f"import sys, {modules}; sys.exit(bool({{'pandas', 'pyvista'}} & set(sys.modules)))"

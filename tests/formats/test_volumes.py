@@ -78,7 +78,7 @@ def written(path: Path, values: NDArray[np.generic], affine: NDArray[np.float64]
 # --- reading ------------------------------------------------------------------------------------------------------
 
 
-def test_the_kind_is_told_from_the_file(tmp_path: Path, labels: NDArray[np.int16]) -> None:
+def test_the_kind_is_told_from_the_file(tmp_path, labels):
     assert read_volume(written(tmp_path / "a.nii.gz", labels)).kind == "labels"
     assert read_volume(written(tmp_path / "x_dseg.nii.gz", labels.astype(np.float32))).kind == "labels"
     fraction = read_volume(written(tmp_path / "fa.nii", (labels / 3).astype(np.float32)))
@@ -91,7 +91,7 @@ def test_the_kind_is_told_from_the_file(tmp_path: Path, labels: NDArray[np.int16
         read_named(f"{whole}:tissue")
 
 
-def test_freesurfers_volumes_are_read(tmp_path: Path, labels: NDArray[np.int16]) -> None:
+def test_freesurfers_volumes_are_read(tmp_path, labels):
     """But not with geometry that the file calls invalid: NiBabel would put it around 0, with voxels of 1 mm."""
     image = nibabel.MGHImage(labels.astype(np.int32), AFFINE)
     nibabel.save(image, file := tmp_path / "aseg.mgz")
@@ -105,9 +105,7 @@ def test_freesurfers_volumes_are_read(tmp_path: Path, labels: NDArray[np.int16])
             read(file)
 
 
-def test_labels_that_a_file_rounds_are_labels(
-    tmp_path: Path, labels: NDArray[np.int16], caplog: pytest.LogCaptureFixture
-) -> None:
+def test_labels_that_a_file_rounds_are_labels(tmp_path, labels, caplog):
     for slope, whole in ((0.1, 1), (701.49995, 7015)):
         image = nibabel.Nifti1Image(10 * (labels > 0).astype(np.uint8), AFFINE)
         file = tmp_path / "x_dseg.nii"
@@ -119,7 +117,7 @@ def test_labels_that_a_file_rounds_are_labels(
     assert read_volume(written(tmp_path / "md.nii", 0.0008 * labels)).kind == "numbers"
 
 
-def test_labels_have_names(tmp_path: Path, labels: NDArray[np.int16]) -> None:
+def test_labels_have_names(tmp_path, labels):
     file = written(tmp_path / "sub-1_desc-drawem9_dseg.nii.gz", labels)
     own = tmp_path / "sub-1_desc-drawem9_dseg.tsv"
     assert label_names(file) == {}
@@ -184,7 +182,7 @@ BAD: dict[str, tuple[Callable[[Path, NDArray[np.int16]], Path], str]] = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_a_bad_volume_is_refused(case: str, tmp_path: Path, labels: NDArray[np.int16]) -> None:
+def test_a_bad_volume_is_refused(case, tmp_path, labels):
     make, word = BAD[case]
     file = make(tmp_path / "x.nii", labels)
     with pytest.raises(InputError, match=word) as caught:
@@ -208,7 +206,7 @@ def volume_of(values: NDArray[np.generic], affine: NDArray[np.float64] = AFFINE)
     return {"tissue": Volume(values, affine, "labels", file="x.nii")}
 
 
-def test_labels_beside_the_surface_are_refused_with_what_would_fit(ball: TriSurface, labels: NDArray[np.int16]) -> None:
+def test_labels_beside_the_surface_are_refused_with_what_would_fit(ball, labels):
     """Moved; far away; in a corner; in LPS; flipped: towards a corner all three axes, on the third axis any with it."""
     require_in_place(volume_of(labels), ball)
     moved, corner = AFFINE.copy(), np.zeros_like(labels)
@@ -234,9 +232,7 @@ def test_labels_beside_the_surface_are_refused_with_what_would_fit(ball: TriSurf
 
 
 @pytest.mark.parametrize("kind", ["labels", "numbers", "tensors"])
-def test_the_share_of_a_brain_without_a_number_is_measured(
-    ball: TriSurface, labels: NDArray[np.int16], kind: str, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_the_share_of_a_brain_without_a_number_is_measured(ball, labels, kind, caplog):
     """A ball of values around a ball; then both lie aside and the volume is flipped: nothing of the brain has any."""
     values = np.where(labels > 0, 0.5, 0.0)
     values[:16][labels[:16] == 0] = np.nan
@@ -267,7 +263,7 @@ def half_ball(ball: TriSurface, centre: list[float]) -> tuple[TriSurface, NDArra
     return aside, (winding_numbers(aside, centres) > 0.5).reshape(SIZE, SIZE, SIZE).astype(np.int16)
 
 
-def test_a_lesion_inside_and_labels_all_around_are_no_shift(ball: TriSurface, labels: NDArray[np.int16]) -> None:
+def test_a_lesion_inside_and_labels_all_around_are_no_shift(ball, labels):
     lesion = np.zeros_like(labels)
     lesion[18:22, 14:18, 14:18] = 1
     require_in_place(volume_of(lesion), ball)
@@ -277,7 +273,7 @@ def test_a_lesion_inside_and_labels_all_around_are_no_shift(ball: TriSurface, la
 # --- on tetrahedra ------------------------------------------------------------------------------------------------
 
 
-def test_shares_are_those_of_the_volume_inside() -> None:
+def test_shares_are_those_of_the_volume_inside():
     """A plane at a height z of a corner tetrahedron of size 4 leaves ((4 - z) / 4)^3 above it."""
     plane = np.zeros((8, 8, 50), np.int32)
     plane[:, :, 10:] = 7  # voxels of 0.1 mm along z, from 1.0 mm on
@@ -291,7 +287,7 @@ def test_shares_are_those_of_the_volume_inside() -> None:
     assert found.share[0] == pytest.approx(1 - 0.75**3, abs=0.02)
 
 
-def test_a_tetrahedron_within_a_voxel_has_its_label() -> None:
+def test_a_tetrahedron_within_a_voxel_has_its_label():
     values = np.arange(27, dtype=np.int32).reshape(3, 3, 3)
     affine = oblique((20.0, 20.0, 20.0))
     inside = np.array([1, 2, 1]) @ affine[:3, :3].T
@@ -300,7 +296,7 @@ def test_a_tetrahedron_within_a_voxel_has_its_label() -> None:
     np.testing.assert_allclose(in_voxels(affine, inside[None]), [[1, 2, 1]])
 
 
-def test_0_is_what_lies_outside_where_labels_cover_the_mesh() -> None:
+def test_0_is_what_lies_outside_where_labels_cover_the_mesh():
     """The boundary of voxels is not a surface: a tetrahedron that is mostly beyond it still belongs to the tissue."""
     points = np.array([[0, 0, 0], [4, 0, 0], [0, 4, 0], [0, 0, 4], [0, 0, -9.0]])
     mesh = TetMesh(points, [[0, 1, 2, 3], [0, 2, 1, 4]])
@@ -318,7 +314,7 @@ def test_0_is_what_lies_outside_where_labels_cover_the_mesh() -> None:
     assert with_volumes(mesh, lesion)[0].cell_data["lesion"].tolist() == [0, 0]
 
 
-def test_numbers_are_means_of_what_has_a_value() -> None:
+def test_numbers_are_means_of_what_has_a_value():
     """The mean of a linear function inside a tetrahedron is its value at the centroid."""
     grid = np.indices((60, 60, 60)) * 0.1 - 0.5
     values = 2 * grid[0] - grid[1] + 3 * grid[2]
@@ -335,7 +331,7 @@ def test_numbers_are_means_of_what_has_a_value() -> None:
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_tensors_of_fsl_and_mrtrix_are_the_same(mirrored: bool, tmp_path: Path) -> None:
+def test_tensors_of_fsl_and_mrtrix_are_the_same(mirrored, tmp_path):
     """FSL writes along voxels, x turned round in right-handed ones; MRtrix and we along x, y and z."""
     affine = oblique((1.0, 1.0, 1.0)) @ np.diag([-1.0 if mirrored else 1.0, 1, 1, 1])
     first = np.array([1.0, 2.0, -0.5]) / np.linalg.norm([1.0, 2.0, -0.5])
@@ -357,7 +353,7 @@ def test_tensors_of_fsl_and_mrtrix_are_the_same(mirrored: bool, tmp_path: Path) 
     assert [row["kind"] for row in rows] == ["tensors", "tensors"]
 
 
-def test_the_mean_of_tensors_is_log_euclidean(tmp_path: Path) -> None:
+def test_the_mean_of_tensors_is_log_euclidean(tmp_path):
     """Of two that differ in scale by 100, the mean of the logarithms is the geometric mean: no swelling."""
     values = np.zeros((2, 1, 1, 6), np.float32)
     values[0, 0, 0, :3], values[1, 0, 0, :3] = 1e-4, 1e-2
@@ -372,7 +368,7 @@ def test_the_mean_of_tensors_is_log_euclidean(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.cell_data["tensor"][0], [geometric] * 3 + [0] * 3, rtol=1e-4, atol=1e-9)
 
 
-def test_the_frame_of_a_surface_leads_to_the_volume() -> None:
+def test_the_frame_of_a_surface_leads_to_the_volume():
     """FreeSurfer's surfaces are shifted against the scanner by a translation that they state."""
     values = np.zeros((40, 4, 4), np.int32)
     values[30:] = 9
@@ -386,7 +382,7 @@ def test_the_frame_of_a_surface_leads_to_the_volume() -> None:
 
 
 @pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (0.7, 0.9, 1.3)])
-def test_a_surface_of_a_label_is_smooth_and_near_it(scale: tuple[float, float, float]) -> None:
+def test_a_surface_of_a_label_is_smooth_and_near_it(scale):
     affine = oblique(scale)
     where = np.indices((36, 36, 36)).reshape(3, -1).T @ affine[:3, :3].T
     centre = affine[:3, :3] @ [18, 18, 18]
@@ -402,7 +398,7 @@ def test_a_surface_of_a_label_is_smooth_and_near_it(scale: tuple[float, float, f
     assert volume == pytest.approx(mask.sum() * abs(np.linalg.det(affine[:3, :3])), rel=2e-3)
 
 
-def test_topology_of_labels_stays_as_it_is() -> None:
+def test_topology_of_labels_stays_as_it_is():
     """A ring keeps its handle, a cavity is filled, components are apart, specks are left out."""
     x, y, z = np.indices((40, 40, 20)) - np.array([20, 20, 10]).reshape(3, 1, 1, 1)
     ring = (np.hypot(np.hypot(x, y) - 12, z) < 4.5).astype(bool)
@@ -416,7 +412,7 @@ def test_topology_of_labels_stays_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("ring", [4.5, 1.6])
-def test_handles_of_labels_are_cut_on_the_voxels(ring: float) -> None:
+def test_handles_of_labels_are_cut_on_the_voxels(ring):
     """A ball with a handle, thick or thin, and with a narrow tunnel: each is mended where that changes fewer voxels."""
     x, y, z = np.indices((44, 44, 36)) - np.array([20, 20, 18]).reshape(3, 1, 1, 1)
     mask = (np.hypot(np.hypot(x - 8, z) - 9, y) < ring) | (x**2 + y**2 + z**2 < 100)
@@ -433,7 +429,7 @@ def test_handles_of_labels_are_cut_on_the_voxels(ring: float) -> None:
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.6])
-def test_sheets_and_gaps_of_one_voxel_keep_their_width(slope: float) -> None:
+def test_sheets_and_gaps_of_one_voxel_keep_their_width(slope):
     """A sheet in the open, and a gap of the same shape in a ball: neither is smoothed away from both sides."""
     x, y, z = np.indices((40, 40, 40)) - 20.0
     plane = np.abs(z - slope * x) < (0.9 if slope else 0.5)
@@ -450,7 +446,7 @@ def test_sheets_and_gaps_of_one_voxel_keep_their_width(slope: float) -> None:
         assert made.furthest < 0.5
 
 
-def test_a_label_that_the_image_cuts_off_is_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_label_that_the_image_cuts_off_is_told(caplog):
     values = np.zeros((20, 20, 20), np.int16)
     values[10:, 4:12, 4:14] = 5
     surfaces_of_labels("x", Volume(np.pad(values, 1), np.eye(4), "labels", file="dseg.nii"), [5])
@@ -459,7 +455,7 @@ def test_a_label_that_the_image_cuts_off_is_told(caplog: pytest.LogCaptureFixtur
     assert "dseg.nii" in caplog.text and "label 5" in caplog.text
 
 
-def test_inner_surfaces_of_labels_are_named(tmp_path: Path, ball: TriSurface, labels: NDArray[np.int16]) -> None:
+def test_inner_surfaces_of_labels_are_named(tmp_path, ball, labels):
     deep = np.where(labels > 0, 1, 0).astype(np.int16)
     deep[10:14, 13:18, 13:18], deep[18:23, 13:18, 13:18] = 5, 6
     file = written(tmp_path / "dseg.nii.gz", deep)
@@ -482,9 +478,7 @@ def test_inner_surfaces_of_labels_are_named(tmp_path: Path, ball: TriSurface, la
         read_labels("pial.surf.gii:1")
 
 
-def test_pieces_of_an_earlier_run_are_left(
-    tmp_path: Path, labels: NDArray[np.int16], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_pieces_of_an_earlier_run_are_left(tmp_path, labels, monkeypatch):
     monkeypatch.chdir(tmp_path)
     halves = np.where(labels > 0, 1, 0).astype(np.int16)
     halves[15:17] = 0
@@ -506,7 +500,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_the_volumes_of_a_head_are_those_it_states(folder: Path) -> None:
+def test_the_volumes_of_a_head_are_those_it_states(folder):
     volume = read_volume(folder / "dseg.nii.gz")
     table = read_tsv(folder / "sizes.tsv")
     voxel = abs(np.linalg.det(volume.affine[:3, :3])) / 1000
@@ -516,7 +510,7 @@ def test_the_volumes_of_a_head_are_those_it_states(folder: Path) -> None:
     np.testing.assert_array_equal(again.labels, volume.values)
 
 
-def test_a_head_becomes_one_mesh(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_head_becomes_one_mesh(folder, tmp_path, capsys):
     out = tmp_path / "head.vtu"
     given = ["mesh", str(folder / "pial.surf.gii"), "--inner", str(folder / "white.surf.gii"), "--cell-size", "1.2"]
     given += [
@@ -556,7 +550,7 @@ def test_a_head_becomes_one_mesh(folder: Path, tmp_path: Path, capsys: pytest.Ca
     assert main(["certify", str(out), "--cell-size", "1.2"]) == 0
 
 
-def test_a_cut_has_the_area_of_the_plane_inside(ball: TriSurface) -> None:
+def test_a_cut_has_the_area_of_the_plane_inside(ball):
     """A plane through the middle of a ball cuts out a disc; triangles and quadrangles do not overlap."""
     mesh = cortet.mesh(ball, 2.0, progress=False).mesh
     for axis in range(3):
@@ -569,7 +563,7 @@ def test_a_cut_has_the_area_of_the_plane_inside(ball: TriSurface) -> None:
         assert area == pytest.approx(np.pi * (RADIUS**2 - 0.09), rel=0.03)
 
 
-def test_a_sheet_names_volumes_and_a_scan_finds_them(tmp_path: Path, labels: NDArray[np.int16]) -> None:
+def test_a_sheet_names_volumes_and_a_scan_finds_them(tmp_path, labels):
     anat = tmp_path / "dhcp" / "sub-CC1" / "ses-1" / "anat"
     anat.mkdir(parents=True)
     (anat / "sub-CC1_ses-1_hemi-left_wm.surf.gii").touch()
@@ -586,7 +580,7 @@ def test_a_sheet_names_volumes_and_a_scan_finds_them(tmp_path: Path, labels: NDA
         read_sheet(tmp_path / "a" / "y.tsv")
 
 
-def test_volumes_from_python(ball: TriSurface, labels: NDArray[np.int16], tmp_path: Path) -> None:
+def test_volumes_from_python(ball, labels, tmp_path):
     file = written(tmp_path / "x_dseg.nii.gz", labels)
     made = cortet.mesh(ball, 2.0, volumes={"tissue": file}, settings={"export": {"label_shares": True}}, progress=False)
     table = made.tissues().set_index("label")
@@ -601,9 +595,7 @@ def test_volumes_from_python(ball: TriSurface, labels: NDArray[np.int16], tmp_pa
         cortet.mesh(ball, 2.0, volumes={"region": file}, progress=False)
 
 
-def test_a_bad_volume_is_refused_before_any_work(
-    ball: TriSurface, labels: NDArray[np.int16], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_bad_volume_is_refused_before_any_work(ball, labels, tmp_path, capsys):
     write_surface(ball, tmp_path / "x.surf.gii")
     file = written(tmp_path / "x_dseg.nii.gz", labels, AFFINE + _shift(60))
     before = sorted(tmp_path.iterdir())

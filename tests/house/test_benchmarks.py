@@ -29,7 +29,7 @@ TINY = {
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
-def test_it_says_what_it_measures(script: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_it_says_what_it_measures(script, capsys):
     with pytest.raises(SystemExit) as ended:
         import_module(script.stem).main(["--help"])
     assert not ended.value.code
@@ -37,7 +37,7 @@ def test_it_says_what_it_measures(script: Path, capsys: pytest.CaptureFixture[st
 
 
 @pytest.mark.parametrize("name", TINY)
-def test_it_measures_something_tiny(name: str, tmp_path: Path) -> None:
+def test_it_measures_something_tiny(name, tmp_path):
     for which, radius in (("pial", 12.0), ("white", 8.0)):
         write_surface(ball_surface(3, radius=radius), tmp_path / f"x_{which}.surf.gii")
     script, *question = name.split()

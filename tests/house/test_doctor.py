@@ -24,7 +24,7 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, st
 
 
 @pytest.mark.parametrize("name", doctor.PROOFS)
-def test_every_library_works_here(name: str) -> None:
+def test_every_library_works_here(name):
     if name == "pygalmesh":
         pytest.importorskip(name)
     assert doctor.proved(name) == ""
@@ -38,13 +38,7 @@ def test_every_library_works_here(name: str) -> None:
         ("option = None", "gmsh"),  # another module of this name
     ],
 )
-def test_a_library_that_does_not_work_is_a_problem_with_its_remedy(
-    broken: Callable[[str, str], None],
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    code: str,
-    reason: str,
-) -> None:
+def test_a_library_that_does_not_work_is_a_problem_with_its_remedy(broken, monkeypatch, capsys, code, reason):
     broken("gmsh", code)
     monkeypatch.setattr(doctor, "LIBRARIES", ("gmsh", "cgal"))
     monkeypatch.setattr(doctor, "PROOFS", {"gmsh": doctor.PROOFS["gmsh"]})
@@ -53,11 +47,11 @@ def test_a_library_that_does_not_work_is_a_problem_with_its_remedy(
     assert reason in told and "libglu1-mesa" in told and "make setup" in told and "FAILED" in told
 
 
-def test_one_package_that_runs_cgal_is_enough_but_one_there_must_be() -> None:
+def test_one_package_that_runs_cgal_is_enough_but_one_there_must_be():
     assert doctor.missing({"pygalmesh": "", "cgal": "6.0", "numpy": "2.0"}) == []
     assert doctor.missing({"pygalmesh": "", "cgal": "", "numpy": ""}) == ["pygalmesh", "cgal", "numpy"]
 
 
-def test_nothing_heavy_is_needed_to_ask_the_doctor() -> None:
+def test_nothing_heavy_is_needed_to_ask_the_doctor():
     program = "import cortet.doctor, sys; sys.exit('numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

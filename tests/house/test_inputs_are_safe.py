@@ -126,14 +126,14 @@ def run(words: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> int:
         return int(stop.code or 0)
 
 
-def test_the_volume_of_a_size_is_an_input(given: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_volume_of_a_size_is_an_input(given, monkeypatch):
     before = (given / "x_dseg.nii.gz").read_bytes()
     words = "mesh x.surf.gii --cell-size 5 --size x_dseg.nii.gz:1=4.9 --page x_dseg.nii.gz --force -o fresh.vtu"
     assert run(words, given, monkeypatch) == 1
     assert (given / "x_dseg.nii.gz").read_bytes() == before
 
 
-def test_every_command_is_tried() -> None:
+def test_every_command_is_tried():
     assert set(COMMANDS) == {words.split()[1] for words, _ in commands()}
 
 
@@ -145,9 +145,7 @@ def test_every_command_is_tried() -> None:
         for command in tried
     ],
 )
-def test_no_command_changes_or_deletes_a_file_that_was_there(
-    given: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, command: Command
-) -> None:
+def test_no_command_changes_or_deletes_a_file_that_was_there(given, tmp_path, monkeypatch, name, command):
     before = contents(given, GIVEN)
     (tmp_path / "link").symlink_to(given)
     targets = [*GIVEN, "ds", "old", "."] if "DIR" in command.words else GIVEN
@@ -169,7 +167,7 @@ def test_no_command_changes_or_deletes_a_file_that_was_there(
     assert contents(given, GIVEN) == before, allowed
 
 
-def test_an_uncertified_mesh_leaves_nothing_of_an_earlier_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_uncertified_mesh_leaves_nothing_of_an_earlier_one(tmp_path, monkeypatch):
     write_surface(ball_surface(3, 14.0), tmp_path / "a.surf.gii")
     mesh = "mesh a.surf.gii --cell-size 5 -o x.pts --page x.html"
     assert run(mesh, tmp_path, monkeypatch) == 0
@@ -208,15 +206,13 @@ def fold_of_a_ball(mesh_of_a_ball: Path, tmp_path_factory: pytest.TempPathFactor
 @pytest.mark.parametrize("force", ["", " --force"])
 @pytest.mark.parametrize("output", ["x.meshed.surf.gii", "x.vtu.json", "x.vtu"])
 @pytest.mark.parametrize("command", ["certify x.vtu -o {}", "compare x.vtu -o {}"])
-def test_what_the_sidecar_names_is_an_input(
-    meshed: Path, monkeypatch: pytest.MonkeyPatch, command: str, output: str, force: str
-) -> None:
+def test_what_the_sidecar_names_is_an_input(meshed, monkeypatch, command, output, force):
     before = contents(meshed)
     assert run(command.format(output) + force, meshed, monkeypatch) == 1
     assert contents(meshed) == before
 
 
-def test_a_file_that_the_configuration_names_is_an_input(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_that_the_configuration_names_is_an_input(tmp_path, monkeypatch):
     for number, name in ((3, "x"), (4, "common")):
         surface, sphere = phantom_with_sphere(24.0, subdivisions=number)
         write_surface(surface, tmp_path / f"{name}.surf.gii")
@@ -230,7 +226,7 @@ def test_a_file_that_the_configuration_names_is_an_input(tmp_path: Path, monkeyp
 
 
 @pytest.mark.parametrize("name", ["x.certificate.json", "x.vtu.json", "x.meshed.surf.gii"])
-def test_a_mesh_that_cannot_be_replaced_stays(meshed: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_a_mesh_that_cannot_be_replaced_stays(meshed, monkeypatch, name):
     (meshed / name).write_text("mine")
     before = contents(meshed)
     assert run("mesh a.surf.gii --cell-size 5 -o x.vtu", meshed, monkeypatch) == 1
@@ -238,7 +234,7 @@ def test_a_mesh_that_cannot_be_replaced_stays(meshed: Path, monkeypatch: pytest.
 
 
 @pytest.mark.parametrize("name", ["y.vtu.json", "y.meshed.surf.gii", "y.certificate.json", "y.vtu", "../{}/y.vtu"])
-def test_two_outputs_of_one_name_are_refused(meshed: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_two_outputs_of_one_name_are_refused(meshed, monkeypatch, name):
     before = contents(meshed)
     command = f"mesh a.surf.gii --cell-size 5 -o y.vtu --page {name.format(meshed.name)}"
     assert run(command, meshed, monkeypatch) == 1
@@ -248,7 +244,7 @@ def test_two_outputs_of_one_name_are_refused(meshed: Path, monkeypatch: pytest.M
 @pytest.mark.parametrize(
     "other", ["a.surf.gii --cell-size 4", "a.surf.gii --cell-size 5 --config other.yaml", "b.surf.gii --cell-size 5"]
 )
-def test_another_mesh_takes_the_certificate_of_none(meshed: Path, monkeypatch: pytest.MonkeyPatch, other: str) -> None:
+def test_another_mesh_takes_the_certificate_of_none(meshed, monkeypatch, other):
     """Of another cell size, of other parameters, of another surface."""
     write_surface(ball_surface(3, 15.0), meshed / "b.surf.gii")
     (meshed / "other.yaml").write_text("generate: {seed: 3}")
@@ -261,7 +257,7 @@ def test_another_mesh_takes_the_certificate_of_none(meshed: Path, monkeypatch: p
 
 
 @pytest.mark.parametrize("last", ["x.certificate.json", "x.meshed.surf.gii", "x.vtu.json", "x.vtu", "x.png"])
-def test_a_command_that_was_killed_is_started_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, last: str) -> None:
+def test_a_command_that_was_killed_is_started_again(tmp_path, monkeypatch, last):
     class Killed(BaseException):
         pass
 
@@ -282,7 +278,7 @@ def test_a_command_that_was_killed_is_started_again(tmp_path: Path, monkeypatch:
     assert run(words, tmp_path, monkeypatch) == 0
 
 
-def test_a_sidecar_that_names_no_meshed_surface_is_of_no_use(meshed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sidecar_that_names_no_meshed_surface_is_of_no_use(meshed, monkeypatch):
     record = json.loads((meshed / "x.vtu.json").read_text())
     record["made_from"]["meshed"] = {}
     (meshed / "x.vtu.json").write_text(json.dumps(record))
@@ -290,9 +286,7 @@ def test_a_sidecar_that_names_no_meshed_surface_is_of_no_use(meshed: Path, monke
 
 
 @pytest.mark.parametrize("name", ["config.yaml", "cohort.tsv"])
-def test_a_working_folder_of_others_is_left_alone(
-    given: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
+def test_a_working_folder_of_others_is_left_alone(given, tmp_path, monkeypatch, name):
     (tmp_path / "work").mkdir()
     (tmp_path / "work" / name).write_text("mine")
     words = f"run {given}/ds {tmp_path}/out participant --dry-run --work-dir {tmp_path}/"
@@ -313,9 +307,7 @@ def test_a_working_folder_of_others_is_left_alone(
         ("quadratic x.vtu -o", ".inp"),
     ],
 )
-def test_names_that_are_too_long_for_companions_are_refused_before_the_work(
-    meshed: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: str, suffix: str
-) -> None:
+def test_names_that_are_too_long_for_companions_are_refused_before_the_work(meshed, monkeypatch, capsys, words, suffix):
     """The file itself would fit; what is written beside it has a longer name."""
     before = contents(meshed)
     room = os.pathconf(meshed, "PC_NAME_MAX") - len(f".{os.getpid()}-12345678.") - len(suffix)
@@ -326,9 +318,7 @@ def test_names_that_are_too_long_for_companions_are_refused_before_the_work(
 
 
 @pytest.mark.parametrize("name", ["fold.tsv", "verdict.json", "folding.svg", "frames/frame_0001.vtu"])
-def test_a_file_of_a_fold_that_was_edited_is_kept(
-    fold_of_a_ball: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
+def test_a_file_of_a_fold_that_was_edited_is_kept(fold_of_a_ball, tmp_path, monkeypatch, name):
     shutil.copytree(fold_of_a_ball, tmp_path, dirs_exist_ok=True)
     (tmp_path / "f" / name).write_text("edited")
     before = contents(tmp_path / "f")

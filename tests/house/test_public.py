@@ -35,15 +35,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-def test_dir_holds_what_is_public_and_nothing_else() -> None:
+def test_dir_holds_what_is_public_and_nothing_else():
     assert dir(cortet) == sorted([*cortet.__all__, "__version__"])
     assert {"read", "phantom", "convert", "improve", "fold", "growth"} <= set(FUNCTIONS)
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
-def test_help_has_shapes_an_example_and_types(
-    name: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_help_has_shapes_an_example_and_types(name, folder, tmp_path, monkeypatch):
     call = getattr(cortet, name)
     text = inspect.getdoc(call) or ""
     for section in ("Parameters", "Returns", "Raises", "Examples"):
@@ -60,13 +58,13 @@ def test_help_has_shapes_an_example_and_types(
     assert result.attempted and not result.failed, "".join(said)
 
 
-def test_a_fold_shows_itself_in_three_lines(folder: Path) -> None:
+def test_a_fold_shows_itself_in_three_lines(folder):
     folded = cortet.fold(folder / "x.vtu", end=28.1, progress=False)
     assert repr(folded).startswith("<Folded: folded from 28.00 to 28.10 weeks") and repr(folded).count("\n") == 2
     assert typing.get_type_hints(cortet.Folded)["folder"] is Path
 
 
-def test_a_mesh_that_was_saved_is_read_with_what_is_known_of_it(folder: Path, tmp_path: Path) -> None:
+def test_a_mesh_that_was_saved_is_read_with_what_is_known_of_it(folder, tmp_path):
     made = cortet.read(folder / "x.vtu")
     assert made.certified and (made.ga, made.hemi) == (28, "L") and made.config.generate.cell_size == [4.0]
     assert repr(made).count("\n") == repr(made.certificate).count("\n") == 2
@@ -77,7 +75,7 @@ def test_a_mesh_that_was_saved_is_read_with_what_is_known_of_it(folder: Path, tm
         cortet.read(folder / "foreign.vtu")
 
 
-def test_other_programs_get_the_arrays_of_the_file(folder: Path) -> None:
+def test_other_programs_get_the_arrays_of_the_file(folder):
     made = cortet.read(folder / "x.vtu")
     grid, other, file = made.to_pyvista(), made.to_meshio(), pyvista.read(folder / "x.vtu")
     for arrays in (grid, other):
@@ -92,13 +90,13 @@ def test_other_programs_get_the_arrays_of_the_file(folder: Path) -> None:
     assert made.volume == pytest.approx(grid.volume)
 
 
-def test_an_error_of_a_call_has_no_frames_inside_cortet(folder: Path) -> None:
+def test_an_error_of_a_call_has_no_frames_inside_cortet(folder):
     with pytest.raises(InputError, match="nofile") as raised:
         cortet.mesh(folder / "nofile.surf.gii")
     assert len(raised.traceback) == 2 and raised.value.__cause__ is None
 
 
-def test_a_mesh_of_another_program_is_improved_and_certified(folder: Path, tmp_path: Path) -> None:
+def test_a_mesh_of_another_program_is_improved_and_certified(folder, tmp_path):
     before = cortet.read(folder / "foreign.vtu", folder / "x.surf.gii")
     assert before.certificate.quality.q.max > 0.6 and not before.certified
     words = ["improve", str(folder / "foreign.vtu"), "--surface", str(folder / "x.surf.gii")]
@@ -110,7 +108,7 @@ def test_a_mesh_of_another_program_is_improved_and_certified(folder: Path, tmp_p
     assert next(iter(in_memory.certificate.parameters)) == "clean"
 
 
-def test_what_cannot_be_improved_is_refused(folder: Path) -> None:
+def test_what_cannot_be_improved_is_refused(folder):
     made = cortet.read(folder / "x.vtu")
     twice = TetMesh(made.points, np.concatenate([made.cells, made.cells[:1]]))
     flat = np.array(made.points)
@@ -126,7 +124,7 @@ def test_what_cannot_be_improved_is_refused(folder: Path) -> None:
             cortet.improve(mesh, *surface)
 
 
-def test_the_order_of_nodes_of_other_programs_does_not_matter(folder: Path) -> None:
+def test_the_order_of_nodes_of_other_programs_does_not_matter(folder):
     made = cortet.read(folder / "x.vtu")
     turned = TetMesh(made.points, made.cells[:, [1, 0, 2, 3]])
     assert cortet.improve(turned, made.surface, 4.0, progress=False).certified

@@ -24,13 +24,13 @@ KERNELS = [path for path in sorted(ROOT.glob("cortet/**/*.py")) if "njit(" in pa
         pytest.param(["snakefmt", "--check", *RULES], id="snakefmt"),
     ],
 )
-def test_nothing_to_say(command: list[str]) -> None:
+def test_nothing_to_say(command):
     tool = Path(sys.executable).with_name(command[0])
     done = subprocess.run([tool, *command[1:]], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_snakemake_misses_nothing_but_environments_of_single_rules() -> None:
+def test_snakemake_misses_nothing_but_environments_of_single_rules():
     """All rules run in the environment of the workflow."""
     tool = Path(sys.executable).with_name("snakemake")
     done = subprocess.run([tool, "--lint"], cwd=ROOT, capture_output=True, text=True, check=False)
@@ -38,7 +38,7 @@ def test_snakemake_misses_nothing_but_environments_of_single_rules() -> None:
     assert titles <= {"Specify a conda environment or container for each rule."}, done.stderr
 
 
-def test_the_map_of_the_rooms_is_the_contract() -> None:
+def test_the_map_of_the_rooms_is_the_contract():
     layers = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"][0]["layers"]
     rooms = (ROOT / "CONTRIBUTING.md").read_text().partition("| room |")[2].partition("\n\n")[0]
     named = re.findall(r"^\| `(\w+)` \|", rooms, flags=re.MULTILINE)
@@ -46,12 +46,12 @@ def test_the_map_of_the_rooms_is_the_contract() -> None:
 
 
 @pytest.mark.parametrize("kernels", KERNELS, ids=lambda path: path.stem)
-def test_kernels_divide_as_ieee_says_and_raise_nothing(kernels: Path) -> None:
+def test_kernels_divide_as_ieee_says_and_raise_nothing(kernels):
     """A flat element somewhere in a search has an infinite mu; it does not end the run."""
     text = kernels.read_text()
     assert text.count('error_model="numpy"') == len(re.findall(r"\bnjit\(", text))
 
 
 @pytest.mark.parametrize("script", ["tools/setup.sh", "tools/lock.sh", "tools/check.sh", "tools/slurm.sh", ".ci/run"])
-def test_shell_scripts_parse(script: str) -> None:
+def test_shell_scripts_parse(script):
     assert subprocess.run(["bash", "-n", ROOT / script], check=False).returncode == 0

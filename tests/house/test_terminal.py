@@ -42,7 +42,7 @@ def progress(meshes: int = 1, jobs: int = 10) -> tuple[Progress, list[float]]:
 # --- a line for each mesh
 
 
-def test_a_certified_mesh_is_one_line_with_its_numbers_and_minutes(tmp_path: Path) -> None:
+def test_a_certified_mesh_is_one_line_with_its_numbers_and_minutes(tmp_path):
     run, now = progress()
     run.started(1, "repair", WILDCARDS)
     now[0] = 60.0
@@ -54,7 +54,7 @@ def test_a_certified_mesh_is_one_line_with_its_numbers_and_minutes(tmp_path: Pat
     assert run.failed(3, "").startswith(f"1/1  {MESH}  failed in export"), "the mesh is not counted again"
 
 
-def test_a_mesh_that_is_not_certified_says_why(tmp_path: Path) -> None:
+def test_a_mesh_that_is_not_certified_says_why(tmp_path):
     run, _ = progress()
     run.started(2, "certify", WILDCARDS, [str(certificate(tmp_path, certified=False))])
     assert run.ended(2).endswith(": worst q is 0.7; it has a void")
@@ -62,7 +62,7 @@ def test_a_mesh_that_is_not_certified_says_why(tmp_path: Path) -> None:
     assert run.failed(3, str(tmp_path / "export.log")) == "", "that it is not exported follows"
 
 
-def test_a_fold_is_one_line_with_its_verdict(tmp_path: Path) -> None:
+def test_a_fold_is_one_line_with_its_verdict(tmp_path):
     verdict = tmp_path / "verdict.json"
     verdict.write_text(json.dumps({"reason": "folded from 22 to 34 weeks", "gyrification_index_last": 1.2451}))
     run, now = progress()
@@ -73,7 +73,7 @@ def test_a_fold_is_one_line_with_its_verdict(tmp_path: Path) -> None:
     assert run.ended(7) == f"0/2  {fold}  folded from 22 to 34 weeks; gyrification index 1.25, 2.0 min"
 
 
-def test_a_job_that_failed_names_its_rule_its_reason_and_its_log(tmp_path: Path) -> None:
+def test_a_job_that_failed_names_its_rule_its_reason_and_its_log(tmp_path):
     log = tmp_path / "repair.log"
     log.write_text("12:00 INFO begins\n12:01 ERROR x.surf.gii: truncated\n")
     run, _ = progress(meshes=12)
@@ -88,7 +88,7 @@ def test_a_job_that_failed_names_its_rule_its_reason_and_its_log(tmp_path: Path)
     assert "killed" in reason(str(log)) and "no log" in reason(str(tmp_path / "gone.log"))
 
 
-def test_the_time_that_is_left_follows_from_the_jobs_that_are_done() -> None:
+def test_the_time_that_is_left_follows_from_the_jobs_that_are_done():
     run, now = progress(jobs=100)
     run.started(1, "repair", WILDCARDS)
     now[0] = 600.0
@@ -196,9 +196,7 @@ SAID: dict[str, tuple[list[dict[str, Any]], list[str]]] = {
 
 
 @pytest.mark.parametrize("case", SAID)
-def test_records_become_lines(
-    case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_records_become_lines(case, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("stopped.log").write_text("Traceback (most recent call last):\nKeyboardInterrupt\n")
     records, lines = SAID[case]
@@ -210,7 +208,7 @@ def test_records_become_lines(
     assert capsys.readouterr().out.splitlines() == lines
 
 
-def test_a_dry_run_names_what_would_be_done_to_each_case(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_dry_run_names_what_would_be_done_to_each_case(capsys):
     to = handler(dryrun=True)
     jobs = (("repair", {"case": "b"}), ("export", {"case": "a"}), ("export", {"case": "a"}), ("all", None))
     for record in (planned(certify=2, total=5), *(began(*job) for job in jobs), planned(certify=2, total=5)):
@@ -219,7 +217,7 @@ def test_a_dry_run_names_what_would_be_done_to_each_case(capsys: pytest.CaptureF
     assert capsys.readouterr().out.splitlines() == lines
 
 
-def test_a_log_file_says_what_is_running_after_a_minute_of_silence(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_log_file_says_what_is_running_after_a_minute_of_silence(capsys):
     to, now = handler(), [0.0]
     to.progress.clock = lambda: now[0]
     emit(to, **planned(total=40))
@@ -233,7 +231,7 @@ def test_a_log_file_says_what_is_running_after_a_minute_of_silence(capsys: pytes
     ]
 
 
-def test_a_record_that_cannot_be_read_does_not_end_the_run(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_record_that_cannot_be_read_does_not_end_the_run(capsys):
     to = handler()
     emit(to, **{**began("certify"), "output": ["nosuch.json"]})
     emit(to, event=LogEvent.JOB_FINISHED, job_id=1)
@@ -243,20 +241,20 @@ def test_a_record_that_cannot_be_read_does_not_end_the_run(capsys: pytest.Captur
 # --- the plugin
 
 
-def test_the_command_snakemake_knows_the_logger_wherever_it_is_started(tmp_path: Path) -> None:
+def test_the_command_snakemake_knows_the_logger_wherever_it_is_started(tmp_path):
     command = [str(Path(sys.executable).with_name("snakemake")), "--logger", "cortet", "--version"]
     result = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert result.returncode == 0, result.stderr[-300:]
 
 
-def test_the_plugin_imports_nothing_of_cortet() -> None:
+def test_the_plugin_imports_nothing_of_cortet():
     """Snakemake loads it before the Snakefile, which may belong to another checkout."""
     code = "import sys, snakemake_logger_plugin_cortet; print([name for name in sys.modules if name[:6] == 'cortet'])"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
 
-def test_of_the_timers_of_the_queue_the_last_alone_stays() -> None:
+def test_of_the_timers_of_the_queue_the_last_alone_stays():
     class JobScheduler:
         def look_again(self) -> threading.Timer:
             timer = threading.Timer(60, lambda: self)

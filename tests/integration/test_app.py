@@ -72,9 +72,7 @@ def run(installed: Path, *arguments: str, cwd: Path, **sections: Any) -> subproc
     return subprocess.run([*command, *options], cwd=cwd, env=environment, capture_output=True, text=True, check=False)
 
 
-def test_a_run_of_one_participant_leaves_tables_of_all_that_are_there(
-    installed: Path, dataset: Path, tmp_path: Path
-) -> None:
+def test_a_run_of_one_participant_leaves_tables_of_all_that_are_there(installed, dataset, tmp_path):
     for session in ("b", "a"):
         label = ["--participant-label", "01", "--session-label", session]
         done = run(installed, "bids", "out", *label, cwd=tmp_path)
@@ -90,9 +88,7 @@ def test_a_run_of_one_participant_leaves_tables_of_all_that_are_there(
     }
 
 
-def test_participants_then_the_group_with_the_conventional_words(
-    installed: Path, dataset: Path, tmp_path: Path
-) -> None:
+def test_participants_then_the_group_with_the_conventional_words(installed, dataset, tmp_path):
     one = run(
         installed, "bids", "out", "participant", "--participant-label", "sub-01", "--session-label", "a", cwd=tmp_path
     )
@@ -175,9 +171,7 @@ def test_participants_then_the_group_with_the_conventional_words(
         (["nowhere", "out", "participant"], "nowhere"),
     ],
 )
-def test_what_is_not_there_is_said_before_anything_is_made(
-    installed: Path, dataset: Path, tmp_path: Path, arguments: list[str], words: str
-) -> None:
+def test_what_is_not_there_is_said_before_anything_is_made(installed, dataset, tmp_path, arguments, words):
     result = run(installed, *arguments, cwd=tmp_path)
     assert result.returncode == 1 and words in result.stderr and len(result.stderr.splitlines()) == 1
     assert not (tmp_path / "out").exists()

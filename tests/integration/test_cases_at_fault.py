@@ -22,7 +22,7 @@ def named_right(path: Path) -> None:
     assert "CortexRight" in path.read_text()
 
 
-def test_a_fault_of_one_row_fails_its_case_alone(tmp_path: Path) -> None:
+def test_a_fault_of_one_row_fails_its_case_alone(tmp_path):
     study = Study(tmp_path)
     image = replace(study.case("image"), affine=tmp_path / "gone.nii.gz")
     inner = replace(study.case("inner"), inner={"white": tmp_path / "none.surf.gii"})

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -14,7 +13,7 @@ from tests.integration.study import STATUS, Study, surface
 pytestmark = pytest.mark.thorough
 
 
-def test_a_case_without_an_age_runs_beside_one_with_an_age(tmp_path: Path) -> None:
+def test_a_case_without_an_age_runs_beside_one_with_an_age(tmp_path):
     study = Study(tmp_path)
     study.config["experiments"] = {"settings": ["default"], "resolution": {"cell_size": [4.0]}}
     study.config["smooth_surface"] = {"method": "published"}  # which asks for the age
@@ -43,7 +42,7 @@ def test_a_case_without_an_age_runs_beside_one_with_an_age(tmp_path: Path) -> No
     assert "Surfaces of known age were smoothed" in methods
 
 
-def test_a_case_to_be_folded_needs_an_age_and_nothing_is_run(tmp_path: Path) -> None:
+def test_a_case_to_be_folded_needs_an_age_and_nothing_is_run(tmp_path):
     study = Study(tmp_path)
     study.config["fold"] = {"cases": ["sub-a_hemi-L"]}
     study.add_case(replace(study.case("a"), scan_age=None), surface(0))

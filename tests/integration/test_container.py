@@ -18,7 +18,7 @@ missing = [name for name in ("buildah", "mmdebstrap") if not shutil.which(name)]
 
 @pytest.mark.skipif(bool(missing), reason=f"not installed: {', '.join(missing)}")
 @pytest.mark.skipif("CORTET_TEST_CONTAINER" not in os.environ, reason="takes ten minutes: set CORTET_TEST_CONTAINER=1")
-def test_it_is_built_and_meshes() -> None:
+def test_it_is_built_and_meshes():
     done = subprocess.run([ROOT / "tools/container.sh"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     size, unit = re.search(r"cortet\s+([\d.]+) (MB|GB)", done.stdout).groups()  # type: ignore[union-attr]

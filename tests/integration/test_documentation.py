@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 from cortet.cli import app, commands, main
-from tests.integration.documented import PAGES, ROOT, Block, blocks, coarse, like, make_checkout
+from tests.integration.documented import PAGES, ROOT, blocks, coarse, like, make_checkout
 from tests.integration.study import Study
 
 pytestmark = pytest.mark.thorough
@@ -38,7 +38,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "html"
 
 
-def test_the_site_loads_nothing_from_elsewhere(site: Path) -> None:
+def test_the_site_loads_nothing_from_elsewhere(site):
     loads = re.compile(r"""<(?:script|img|iframe|source)[^>]*\ssrc="(?:https?:)?//|<link[^>]*\shref="(?:https?:)?//""")
     pages = list(site.rglob("*.html"))
     assert len(pages) > len(PAGES)  # those of the index and the search, too
@@ -47,7 +47,7 @@ def test_the_site_loads_nothing_from_elsewhere(site: Path) -> None:
     assert not sheets
 
 
-def test_an_explained_message_that_the_code_does_not_have_stops_the_build(tmp_path: Path) -> None:
+def test_an_explained_message_that_the_code_does_not_have_stops_the_build(tmp_path):
     (tmp_path / "conf.py").write_text('extensions = ["myst_parser", "from_code"]\n')
     (tmp_path / "index.md").write_text("# Page\n\n```{message} the moon is made of cheese\n\nEat it.\n```\n")
     environment = os.environ | {"PYTHONPATH": f"{ROOT / 'docs'}{os.pathsep}{ROOT}"}
@@ -58,14 +58,14 @@ def test_an_explained_message_that_the_code_does_not_have_stops_the_build(tmp_pa
     assert "no page explains the check 'worst q'" in done.stderr
 
 
-def test_messages_are_found_with_their_remedies() -> None:
+def test_messages_are_found_with_their_remedies():
     code = "import from_code; print(*(m[1:] for m in from_code.messages() if m.module == 'meshers._cgal'), sep='\\n')"
     environment = os.environ | {"PYTHONPATH": f"{ROOT / 'docs'}{os.pathsep}{ROOT}"}
     found = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert "('the mesher returned no tetrahedra', ('use a smaller cell size',))" in found.stdout.splitlines()
 
 
-def test_every_picture_has_words_instead(site: Path) -> None:
+def test_every_picture_has_words_instead(site):
     for page in site.rglob("*.html"):
         for image in re.findall(r"<img[^>]*>", page.read_text(encoding="utf-8")):
             assert re.search(r'alt="[^"]', image), (page.name, image)
@@ -82,7 +82,7 @@ def checkout(finished: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("block", [pytest.param(block, id=block.name) for block in BLOCKS])
-def test_what_a_page_shows_is_what_happens(block: Block, checkout: Path) -> None:
+def test_what_a_page_shows_is_what_happens(block, checkout):
     if block.needs and not shutil.which(block.needs):
         pytest.skip(f"{block.needs} is not installed")
     if block.file:
@@ -99,7 +99,7 @@ def test_what_a_page_shows_is_what_happens(block: Block, checkout: Path) -> None
         assert not missing, f"`{command}` does not print {missing}, but\n{output}"
 
 
-def test_the_numbers_of_the_start_and_of_the_design_are_those_of_their_mesh(tmp_path: Path) -> None:
+def test_the_numbers_of_the_start_and_of_the_design_are_those_of_their_mesh(tmp_path):
     found = [block for block in BLOCKS if block.page.name == "start.md" and block.language == "console"]
     for command, shown in [command for block in found for command in block.commands]:
         printed = [_without_seconds(line) for line in run(command, tmp_path).splitlines()]
@@ -138,7 +138,7 @@ def run(command: str, folder: Path) -> str:
     return done.stdout
 
 
-def test_few_blocks_are_not_run() -> None:
+def test_few_blocks_are_not_run():
     excused = [block.name for block in BLOCKS if block.not_run]
     assert len(excused) <= 8, excused
 
@@ -153,7 +153,7 @@ def options() -> dict[str, set[str]]:
 
 
 @pytest.mark.parametrize("page", [pytest.param(page, id=str(page.relative_to(ROOT))) for page in PAGES])
-def test_commands_within_a_sentence_exist(page: Path) -> None:
+def test_commands_within_a_sentence_exist(page):
     known = options()
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
     for command in re.findall(r"`(cortet [a-z][^`]*|cortet --[^`]*)`", text):

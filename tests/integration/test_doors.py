@@ -53,7 +53,7 @@ def inputs(folder: Path, placement: str) -> tuple[dict[str, Any], dict[str, Path
 
 
 @pytest.mark.parametrize("placement", ["unit", "affine"])
-def test_three_doors_lead_to_the_same_files(tmp_path: Path, placement: str) -> None:
+def test_three_doors_lead_to_the_same_files(tmp_path, placement):
     study = Study(tmp_path)
     (tmp_path / "surfaces").mkdir()
     gate, files = inputs(tmp_path / "surfaces", placement)

@@ -12,7 +12,6 @@ import pytest
 
 from cortet.formats import carp, vtu
 from cortet.formats.gifti import read_surface
-from tests.integration.study import Study
 
 pytestmark = pytest.mark.thorough
 
@@ -26,7 +25,7 @@ EXPORTS = {
 }
 
 
-def test_every_format_holds_the_fields_of_the_case_and_says_where_they_came_from(study: Study) -> None:
+def test_every_format_holds_the_fields_of_the_case_and_says_where_they_came_from(study):
     case = study.cases()[0]
     label = study.folder / "surfaces/area.label.gii"
     height = read_surface(case.surface).points[:, 2]

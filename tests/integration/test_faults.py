@@ -52,7 +52,7 @@ def wait_for(path: Path, process: subprocess.Popen[Any]) -> None:
     assert path.exists(), "the job never came there"
 
 
-def test_every_job_killed_in_its_last_moment_is_done_again_with_the_same_bits(finished: Study, tmp_path: Path) -> None:
+def test_every_job_killed_in_its_last_moment_is_done_again_with_the_same_bits(finished, tmp_path):
     study = Study(tmp_path / "study")
     (tmp_path / "study").mkdir()
     study.add_case(study.case("a"), surface(0))
@@ -65,7 +65,7 @@ def test_every_job_killed_in_its_last_moment_is_done_again_with_the_same_bits(fi
     assert not [name for name in sums(study.folder) if "/." in name]
 
 
-def test_a_twin_whose_jobs_were_killed_has_the_same_bits_after_the_other_stages_and_folded(tmp_path: Path) -> None:
+def test_a_twin_whose_jobs_were_killed_has_the_same_bits_after_the_other_stages_and_folded(tmp_path):
     study = Study(tmp_path)
     study.config |= {"resample": {"subdivisions": 3}, "smooth_boundary": {"enabled": True}, "snap": {"enabled": True}}
     study.config["fold"] = {"cases": "all", "allow_volume": True, "end": 24.1, "thickness": 3.0}
@@ -95,7 +95,7 @@ def test_a_twin_whose_jobs_were_killed_has_the_same_bits_after_the_other_stages_
     assert len(a) > 15 and a == b
 
 
-def test_a_job_that_failed_is_run_again_in_a_debugger(study: Study) -> None:
+def test_a_job_that_failed_is_run_again_in_a_debugger(study):
     (study.folder / "surfaces/a.surf.gii").write_text("no surface")
     assert study.run("--skip-script-cleanup", STATUS).returncode != 0
     (script,) = (study.folder / ".snakemake/scripts").glob("*.gate.py")
@@ -104,7 +104,7 @@ def test_a_job_that_failed_is_run_again_in_a_debugger(study: Study) -> None:
     assert "a.surf.gii: truncated" in done.stdout + done.stderr and "gate.py" in done.stdout
 
 
-def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study: Study, tmp_path: Path) -> None:
+def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study, tmp_path):
     before = sums(study.folder, "sub-*")
     study.config["export"] = {"uncertified": True}  # another parameter, the same result
     environment = sabotaged(study, wait=[("export", "sub-a")])
@@ -164,7 +164,7 @@ def remount(folder: Path, options: str) -> None:
     subprocess.run(["mount", "-o", f"remount,{options}", folder], check=True)
 
 
-def test_a_full_disk_and_one_that_cannot_be_written_to(study: Study, small_disk: Path) -> None:
+def test_a_full_disk_and_one_that_cannot_be_written_to(study, small_disk):
     before = sums(study.folder, "*tetmesh*")
     study.config["export"] = {"formats": ["braingrowth", "abaqus"]}
 
@@ -191,7 +191,7 @@ def test_a_full_disk_and_one_that_cannot_be_written_to(study: Study, small_disk:
     assert not [path for path in study.files(".*") if path.name not in (NAME, ".bidsignore")]
 
 
-def test_outputs_that_are_seen_late_are_waited_for(study: Study) -> None:
+def test_outputs_that_are_seen_late_are_waited_for(study):
     before = sums(study.folder, "sub-a*")
     study.config["export"] = {"uncertified": True}  # another parameter, the same result
     done = study.run("--forcerun", "clean", "--", "meshes", env=sabotaged(study, late=[("*", "sub-a")]))
@@ -200,7 +200,7 @@ def test_outputs_that_are_seen_late_are_waited_for(study: Study) -> None:
     assert sums(study.folder, "sub-a*") == before
 
 
-def test_a_case_that_hangs_and_a_surface_that_was_cut_off_fail_and_the_others_stay(study: Study) -> None:
+def test_a_case_that_hangs_and_a_surface_that_was_cut_off_fail_and_the_others_stay(study):
     before = sums(study.folder, "sub-a*")
     study.add_case(study.case("hangs"), surface(2))
     cut = study.folder / "surfaces/b.surf.gii"

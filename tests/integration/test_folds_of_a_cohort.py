@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from cortet.formats.gifti import read_surface
-from tests.integration.study import Study, scaled
+from tests.integration.study import scaled
 
 pytestmark = pytest.mark.thorough
 
 
-def test_all_cases_are_folded_under_every_variant(study: Study) -> None:
+def test_all_cases_are_folded_under_every_variant(study):
     real = shutil.copy(study.folder / "surfaces/a.surf.gii", study.folder / "real_L.surf.gii")
     study.config["fold"] = {
         "allow_volume": True,

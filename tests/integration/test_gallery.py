@@ -18,7 +18,7 @@ PAGE = (ROOT / "docs/gallery.md").read_text()
 
 
 @pytest.mark.parametrize("script", [pytest.param(path, id=path.stem) for path in SCRIPTS])
-def test_an_example_runs(script: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_example_runs(script, tmp_path, monkeypatch):
     """Its own last lines say what must hold."""
     monkeypatch.chdir(tmp_path)
     assert re.search(r"^ *assert .", script.read_text(), re.MULTILINE)
@@ -28,7 +28,7 @@ def test_an_example_runs(script: Path, tmp_path: Path, monkeypatch: pytest.Monke
         assert picture.name in PAGE
 
 
-def test_the_cells_of_the_notebook_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_cells_of_the_notebook_run(tmp_path, monkeypatch):
     """As plain Python: Jupyter itself is not among what the tests need. It is stored with small outputs."""
     monkeypatch.chdir(tmp_path)
     text = (ROOT / "examples/tour.ipynb").read_text()
@@ -42,7 +42,7 @@ def test_the_cells_of_the_notebook_run(tmp_path: Path, monkeypatch: pytest.Monke
     assert (tmp_path / "x.inp").exists()
 
 
-def test_the_page_has_every_script_and_every_picture() -> None:
+def test_the_page_has_every_script_and_every_picture():
     assert set(re.findall(r"examples/(\w+)\.py", PAGE)) == {path.stem for path in SCRIPTS}
     shown = set(re.findall(r"gallery/(\w+\.png)", PAGE))
     assert shown == {path.name for path in (ROOT / "docs/gallery").glob("*.png")}

@@ -11,7 +11,7 @@ import pytest
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
 from cortet.meshes import REGION, TriSurface
-from tests.integration.study import STATUS, Study, surface
+from tests.integration.study import STATUS, surface
 
 pytestmark = pytest.mark.thorough
 
@@ -20,7 +20,7 @@ def shrunk(one: TriSurface, factor: float) -> TriSurface:
     return replace(one, points=one.points * factor)
 
 
-def test_cases_with_and_without_inner_surfaces(study: Study) -> None:
+def test_cases_with_and_without_inner_surfaces(study):
     study.config["export"] = {"formats": ["abaqus"]}
     study.config["certify"] |= {"max_surface_distance": 1.0}
     inner = study.folder / "surfaces/b_white.surf.gii"

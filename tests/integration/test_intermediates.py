@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.integration.study import Study, scaled
+from tests.integration.study import scaled
 from tests.integration.test_reruns import COHORT, FROM_GATE, jobs
 
 pytestmark = pytest.mark.thorough
@@ -12,7 +12,7 @@ pytestmark = pytest.mark.thorough
 FROM_GENERATE = FROM_GATE - {"gate", "smooth_surface"}
 
 
-def test_without_intermediates_only_what_changed_runs_again(study: Study) -> None:
+def test_without_intermediates_only_what_changed_runs_again(study):
     study.config["keep_intermediates"] = False
     assert study.planned_jobs() == set()
     deleted = study.run("--delete-temp-output")

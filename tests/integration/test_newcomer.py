@@ -6,7 +6,6 @@ import json
 import os
 import re
 import shutil
-from pathlib import Path
 
 import yaml
 
@@ -98,7 +97,7 @@ LINES = [
 ]
 
 
-def test_a_newcomer_adds_a_stage_and_a_mesher(tmp_path: Path) -> None:
+def test_a_newcomer_adds_a_stage_and_a_mesher(tmp_path):
     project, study = tmp_path / "project", tmp_path / "study"
     for name in ("cortet", "rules", "scripts", "envs", "profiles"):
         shutil.copytree(ROOT / name, project / name, ignore=shutil.ignore_patterns("__pycache__"))

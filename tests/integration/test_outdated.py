@@ -28,7 +28,7 @@ def outdated(study: Study, participant: str) -> Path:
     return certificate
 
 
-def test_a_certified_case_whose_surface_is_then_damaged_is_certified_no_more(study: Study) -> None:
+def test_a_certified_case_whose_surface_is_then_damaged_is_certified_no_more(study):
     path = study.case("b").surface
     (certificate,) = study.files("sub-b/**/*certificate.json")
     before = sha256(certificate)
@@ -44,7 +44,7 @@ def test_a_certified_case_whose_surface_is_then_damaged_is_certified_no_more(stu
     assert "certificate.json" in results(study, "a")
 
 
-def test_another_surface_gets_a_mesh_of_its_own_and_the_former_one_is_kept(study: Study) -> None:
+def test_another_surface_gets_a_mesh_of_its_own_and_the_former_one_is_kept(study):
     case = study.case("b")
     Path(case.surface).write_bytes(Path(study.case("a").surface).read_bytes())
     study.jobs_of_run()
@@ -53,7 +53,7 @@ def test_another_surface_gets_a_mesh_of_its_own_and_the_former_one_is_kept(study
     assert json.loads(outdated(study, "b").read_text())["input"]["sha256"] != sha256(Path(case.surface))
 
 
-def test_cases_that_the_sheet_excludes_or_drops_have_no_results(study: Study) -> None:
+def test_cases_that_the_sheet_excludes_or_drops_have_no_results(study):
     a, b = study.cases()
     study.write_cases([replace(a, include=False, exclude_reason="motion"), b])
     study.jobs_of_run()
@@ -64,13 +64,13 @@ def test_cases_that_the_sheet_excludes_or_drops_have_no_results(study: Study) ->
     assert "certificate.json" in results(study, "a") and results(study, "b") == set()
 
 
-def test_a_touched_surface_moves_nothing(study: Study) -> None:
+def test_a_touched_surface_moves_nothing(study):
     Path(study.case("b").surface).touch()
     study.jobs_of_run()
     assert not list(study.outputs.rglob("outdated"))
 
 
-def test_results_of_a_surface_that_cannot_be_found_stay(study: Study) -> None:
+def test_results_of_a_surface_that_cannot_be_found_stay(study):
     """Its disk may be missing, and they are still those of the surface that the sheet names."""
     path = Path(study.case("b").surface)
     path.rename(path.with_name("aside"))
@@ -78,7 +78,7 @@ def test_results_of_a_surface_that_cannot_be_found_stay(study: Study) -> None:
     assert study.status()["sub-b_hemi-L"]["state"] == "failed" and "certificate.json" in results(study, "b")
 
 
-def test_another_sheet_on_the_same_output_drops_no_case_of_the_first(study: Study) -> None:
+def test_another_sheet_on_the_same_output_drops_no_case_of_the_first(study):
     study.add_case(study.case("c"), study_surface(2))
     cases = study.cases()
     write_sheet([cases[-1]], study.folder / "other.tsv")
@@ -88,7 +88,7 @@ def test_another_sheet_on_the_same_output_drops_no_case_of_the_first(study: Stud
     assert all("certificate.json" in results(study, name) for name in "abc")
 
 
-def test_a_field_taken_from_the_sheet_is_taken_from_the_mesh(study: Study) -> None:
+def test_a_field_taken_from_the_sheet_is_taken_from_the_mesh(study):
     first, second = study.cases()
     file = study.folder / "surfaces/a_thickness.shape.gii"
     write_fields({"thickness": np.ones(len(read_surface(Path(first.surface)).points))}, file)
@@ -101,7 +101,7 @@ def test_a_field_taken_from_the_sheet_is_taken_from_the_mesh(study: Study) -> No
     assert "thickness" not in vtu.read(mesh).point_data
 
 
-def test_files_of_a_format_that_is_no_longer_asked_for_do_not_stay_beside_another_mesh(study: Study) -> None:
+def test_files_of_a_format_that_is_no_longer_asked_for_do_not_stay_beside_another_mesh(study):
     study.config["export"] = {"formats": ["vtu", "abaqus"]}
     study.jobs_of_run("meshes")
     study.config |= {"export": {"formats": ["vtu"]}, "generate": {**study.config["generate"], "seed": 1}}
@@ -111,7 +111,7 @@ def test_files_of_a_format_that_is_no_longer_asked_for_do_not_stay_beside_anothe
     assert not study.files("sub-a/mesh/*.inp") and len(study.files("sub-a/mesh/*Solver_sets.vtu")) == 1
 
 
-def test_a_phantom_that_failed_and_became_a_file_is_certified(study: Study) -> None:
+def test_a_phantom_that_failed_and_became_a_file_is_certified(study):
     first, second = study.cases()
     study.write_cases([replace(first, surface=PHANTOM, scan_age=None), second])
     study.run("meshes")

@@ -35,7 +35,7 @@ def snakemake(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_a_prepared_folder_runs_and_swallows_no_target(study: Path) -> None:
+def test_a_prepared_folder_runs_and_swallows_no_target(study):
     done = snakemake(study, "--dry-run")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "  sub-a_hemi-L: gate, " in done.stdout and "cohort_page" in done.stdout
@@ -46,9 +46,7 @@ def test_a_prepared_folder_runs_and_swallows_no_target(study: Path) -> None:
     assert "no such sheet (make it: cortet cohort scan DATASET -o cohort.tsv)" in done.stdout + done.stderr
 
 
-def test_the_named_snakefile_takes_its_configuration_from_the_command(
-    study: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_named_snakefile_takes_its_configuration_from_the_command(study, capsys):
     assert main(["workflow"]) == 0
     (named,) = capsys.readouterr().out.splitlines()[-1:]
     for file in ("config.yaml", "Snakefile"):
@@ -57,14 +55,14 @@ def test_the_named_snakefile_takes_its_configuration_from_the_command(
     assert done.returncode == 0 and "  sub-a_hemi-L: gate, " in done.stdout, done.stdout + done.stderr
 
 
-def test_files_that_are_there_stay(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_files_that_are_there_stay(study, capsys):
     (study / "Snakefile").write_text("mine")
     assert main(["workflow", str(study)]) == 1
     assert "is not empty (name an empty or a new folder)" in capsys.readouterr().err
     assert (study / "Snakefile").read_text() == "mine"
 
 
-def test_ctrl_c_is_no_failure_and_the_next_run_goes_on(study: Path) -> None:
+def test_ctrl_c_is_no_failure_and_the_next_run_goes_on(study):
     settings = yaml.safe_load((study / "config.yaml").read_text()) | {"certify": CONFIG["certify"]}
     (study / "config.yaml").write_text(
         yaml.safe_dump(settings | {"generate": {"cell_size": [2.0]}, "quality": CONFIG["quality"]})

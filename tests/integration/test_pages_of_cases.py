@@ -29,7 +29,7 @@ def pictured(study: Study) -> list[bytes]:
     return [base64.b64decode(content) for content in held]
 
 
-def test_every_case_has_a_page_and_the_cohort_one_that_leads_to_them(finished: Study) -> None:
+def test_every_case_has_a_page_and_the_cohort_one_that_leads_to_them(finished):
     assert sorted(pictured(finished)) == sorted(file.read_bytes() for file in finished.files("*_thumbnail.webp"))
     assert len(pictured(finished)) == 2
     assert linked(finished) == {f"sub-{name}_hemi-L": page_of(finished, name).resolve() for name in "ab"}
@@ -40,7 +40,7 @@ def test_every_case_has_a_page_and_the_cohort_one_that_leads_to_them(finished: S
         assert (page_of(finished, "a").parent / file).exists()
 
 
-def test_pages_hold_no_time_and_are_made_alike_again(study: Study) -> None:
+def test_pages_hold_no_time_and_are_made_alike_again(study):
     before = {path: path.read_bytes() for path in (*study.files("*_report.html"), *study.files("index.html"))}
     for path in before:
         path.unlink()
@@ -48,7 +48,7 @@ def test_pages_hold_no_time_and_are_made_alike_again(study: Study) -> None:
     assert {path: path.read_bytes() for path in before} == before
 
 
-def test_a_failed_case_has_a_page_until_it_is_mended(study: Study) -> None:
+def test_a_failed_case_has_a_page_until_it_is_mended(study):
     good = surface(3)
     study.add_case(study.case("double"), twice(good))
     study.jobs_of_run(succeeds=False)
@@ -63,7 +63,7 @@ def test_a_failed_case_has_a_page_until_it_is_mended(study: Study) -> None:
     assert "What went wrong" not in page.read_text()
 
 
-def test_a_cohort_in_which_every_case_failed_has_its_pages(study: Study) -> None:
+def test_a_cohort_in_which_every_case_failed_has_its_pages(study):
     study.write_cases([replace(case, surface=study.folder / "none.surf.gii") for case in study.cases()])
     study.jobs_of_run(succeeds=False)
     assert set(linked(study)) == {"sub-a_hemi-L", "sub-b_hemi-L"}

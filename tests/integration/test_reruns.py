@@ -31,12 +31,12 @@ def jobs(rules: set[str], *participants: str) -> set[tuple[str, str]]:
     return {(rule, f"sub-{participant}") for rule in rules for participant in participants}
 
 
-def test_the_first_run_certifies_and_exports_every_case(finished: Study) -> None:
+def test_the_first_run_certifies_and_exports_every_case(finished):
     assert {row["state"] for row in finished.status().values()} == {"certified"}
     assert len(finished.files("*_sets.vtu")) == 2
 
 
-def test_nothing_reruns_after_a_fresh_checkout_with_every_file_touched(study: Study) -> None:
+def test_nothing_reruns_after_a_fresh_checkout_with_every_file_touched(study):
     checkout = checked_out(study.folder / "checkout")
     for path in study.folder.rglob("*"):
         if path.is_file() and ".snakemake" not in path.parts:
@@ -45,7 +45,7 @@ def test_nothing_reruns_after_a_fresh_checkout_with_every_file_touched(study: St
 
 
 @pytest.mark.parametrize("damaged", [True, False], ids=["damaged", "of an earlier version"])
-def test_a_report_leaves_out_certificates_that_it_cannot_read(study: Study, damaged: bool) -> None:
+def test_a_report_leaves_out_certificates_that_it_cannot_read(study, damaged):
     table = study.outputs / "cohort/cohort_quality.tsv"
     before = table.read_bytes()
     report(study.outputs)
@@ -58,7 +58,7 @@ def test_a_report_leaves_out_certificates_that_it_cannot_read(study: Study, dama
     assert study.status()["sub-b_hemi-L"]["state"] == "unfinished" and "sub-b" not in table.read_text()
 
 
-def test_a_case_whose_mesh_has_another_cell_size_says_so(study: Study) -> None:
+def test_a_case_whose_mesh_has_another_cell_size_says_so(study):
     file = study.outputs / ".cortet/run.json"
     run = json.loads(file.read_text())
     run["config"]["generate"]["cell_size"] = [3.7]
@@ -68,23 +68,23 @@ def test_a_case_whose_mesh_has_another_cell_size_says_so(study: Study) -> None:
         assert row["state"] == "unfinished" and "another cell size" in row["reason"]
 
 
-def test_a_certificate_that_was_deleted_is_made_again(study: Study) -> None:
+def test_a_certificate_that_was_deleted_is_made_again(study):
     (certificate,) = study.files("sub-a*certificate.json")
     certificate.unlink()
     assert ("certify", "sub-a") in study.planned_jobs()
 
 
-def test_an_edited_surface_reruns_its_case_and_the_tables(study: Study) -> None:
+def test_an_edited_surface_reruns_its_case_and_the_tables(study):
     scaled(study.folder / "surfaces/a.surf.gii", 1.05)
     assert study.planned_jobs() == jobs(FROM_GATE, "a") | COHORT
 
 
-def test_a_new_row_runs_one_case_and_the_tables(study: Study) -> None:
+def test_a_new_row_runs_one_case_and_the_tables(study):
     study.add_case(study.case("c"), surface(2))
     assert study.planned_jobs() == jobs(FROM_GATE, "c") | COHORT
 
 
-def test_a_surface_replaced_by_an_older_file_reruns_its_case(study: Study) -> None:
+def test_a_surface_replaced_by_an_older_file_reruns_its_case(study):
     path = study.folder / "surfaces/a.surf.gii"
     scaled(path, 1.05)
     os.utime(path, (1e9, 1e9))  # as `cp -p`, `mv` and `rsync -a` leave it
@@ -94,7 +94,7 @@ def test_a_surface_replaced_by_an_older_file_reruns_its_case(study: Study) -> No
     assert json.loads(certificate.read_text())["input"]["sha256"] == sha256(path)
 
 
-def test_two_surfaces_that_change_places_rerun_both(study: Study) -> None:
+def test_two_surfaces_that_change_places_rerun_both(study):
     first, second = (study.folder / f"surfaces/{name}.surf.gii" for name in "ab")
     first.rename(aside := first.with_name("aside"))
     second.rename(first)
@@ -102,15 +102,13 @@ def test_two_surfaces_that_change_places_rerun_both(study: Study) -> None:
     assert study.planned_jobs() == jobs(FROM_GATE, "a", "b") | COHORT
 
 
-def test_a_moved_study_reruns_nothing(study: Study) -> None:
+def test_a_moved_study_reruns_nothing(study):
     study.folder = study.folder.rename(study.folder.with_name("moved"))
     shutil.rmtree(study.folder / ".snakemake")
     assert study.planned_jobs() <= COHORT
 
 
-def test_from_another_working_folder_results_are_trusted_and_the_table_marks_those_of_other_settings(
-    study: Study,
-) -> None:
+def test_from_another_working_folder_results_are_trusted_and_the_table_marks_those_of_other_settings(study):
     """Snakemake remembers parameters where it is started; the certificate has them, too."""
     elsewhere = Study(study.folder / "elsewhere")
     elsewhere.folder.mkdir()
@@ -125,7 +123,7 @@ def test_from_another_working_folder_results_are_trusted_and_the_table_marks_tho
     assert {row["state"] for row in study.status().values()} == {"certified"}
 
 
-def test_a_configuration_with_a_section_twice_is_refused(study: Study) -> None:
+def test_a_configuration_with_a_section_twice_is_refused(study):
     study.command()
     with (study.folder / "config.yaml").open("a") as file:
         file.write("clean:\n  thresholds: [0.6]\nclean:\n  boundary: fixed\n")
@@ -134,7 +132,7 @@ def test_a_configuration_with_a_section_twice_is_refused(study: Study) -> None:
     assert result.returncode != 0 and "key clean stands in line" in result.stdout + result.stderr
 
 
-def test_a_dry_run_during_a_run_is_refused(study: Study) -> None:
+def test_a_dry_run_during_a_run_is_refused(study):
     command = (
         "import sys; from pathlib import Path; from cortet.cohort.lock import hold; held = hold(Path(sys.argv[1]));"
     )
@@ -149,7 +147,7 @@ def test_a_dry_run_during_a_run_is_refused(study: Study) -> None:
     assert refused.returncode != 0 and "another run writes to it" in refused.stdout + refused.stderr
 
 
-def test_after_a_dry_run_with_other_parameters_a_report_says_what_the_last_run_asked_for(study: Study) -> None:
+def test_after_a_dry_run_with_other_parameters_a_report_says_what_the_last_run_asked_for(study):
     study.config["clean"] = {"thresholds": [0.6]}
     assert ("clean", "sub-a") in study.planned_jobs()
     command = [sys.executable, "-m", "cortet.cli", "cohort", "report", "derivatives/cortet"]
@@ -157,7 +155,7 @@ def test_after_a_dry_run_with_other_parameters_a_report_says_what_the_last_run_a
     assert {row["state"] for row in study.status().values()} == {"certified"}
 
 
-def test_an_output_folder_of_others_is_left_alone(study: Study) -> None:
+def test_an_output_folder_of_others_is_left_alone(study):
     foreign = study.folder / "other"
     foreign.mkdir()
     (foreign / "dataset_description.json").write_text('{"Name": "mine", "BIDSVersion": "1.9.0"}')
@@ -167,7 +165,7 @@ def test_an_output_folder_of_others_is_left_alone(study: Study) -> None:
     assert [path.name for path in foreign.iterdir()] == ["dataset_description.json"]
 
 
-def test_an_excluded_row_runs_nothing_but_the_tables(study: Study) -> None:
+def test_an_excluded_row_runs_nothing_but_the_tables(study):
     first, second = study.cases()
     study.write_cases([first, replace(second, include=False, exclude_reason="motion")])
     assert study.planned_jobs() == COHORT
@@ -175,25 +173,25 @@ def test_an_excluded_row_runs_nothing_but_the_tables(study: Study) -> None:
     assert study.status()["sub-b_hemi-L"]["reason"] == "motion"
 
 
-def test_a_changed_threshold_of_s4_reruns_s4_onwards(study: Study) -> None:
+def test_a_changed_threshold_of_s4_reruns_s4_onwards(study):
     study.config["clean"] = {"thresholds": [0.6, 0.4]}
     assert study.planned_jobs() == jobs(FROM_CLEAN, "a", "b") | COHORT
 
 
-def test_a_raised_version_of_s4_reruns_s4_onwards(study: Study) -> None:
+def test_a_raised_version_of_s4_reruns_s4_onwards(study):
     checkout = checked_out(study.folder / "checkout")
     module = checkout / "cortet/stages/clean.py"
     module.write_text(re.sub(r"VERSION: int = \d+", "VERSION: int = 1000", module.read_text()))
     assert study.planned_jobs(project=checkout) == jobs(FROM_CLEAN, "a", "b") | COHORT
 
 
-def test_a_bypassed_stage_does_not_occur(study: Study) -> None:
+def test_a_bypassed_stage_does_not_occur(study):
     study.config["clean"] = {"enabled": False}
     described = {("dataset_description", "-")}  # descriptions.tsv names what there is
     assert study.planned_jobs() == jobs(FROM_CLEAN - {"clean"}, "a", "b") | COHORT | described
 
 
-def test_bad_cases_do_not_stop_the_others_and_nothing_of_an_earlier_run_passes_for_this_one(study: Study) -> None:
+def test_bad_cases_do_not_stop_the_others_and_nothing_of_an_earlier_run_passes_for_this_one(study):
     became_bad = study.folder / "surfaces/b.surf.gii"
     write_surface(twice(read_surface(became_bad)), became_bad)
     study.add_case(study.case("double"), twice(surface(3)))
@@ -233,7 +231,7 @@ def test_bad_cases_do_not_stop_the_others_and_nothing_of_an_earlier_run_passes_f
     assert study.planned_jobs() == jobs(FROM_GATE, "b", "double") | COHORT
 
 
-def test_an_uncertified_mesh_is_measured_but_not_exported(study: Study) -> None:
+def test_an_uncertified_mesh_is_measured_but_not_exported(study):
     study.write_cases(study.cases()[:1])
     study.config["certify"] = {"q_max": 0.01}
     ran = study.jobs_of_run(succeeds=False)
@@ -248,7 +246,7 @@ def test_an_uncertified_mesh_is_measured_but_not_exported(study: Study) -> None:
     assert study.files("sub-a*_sets.vtu")
 
 
-def test_a_bad_sheet_stops_the_run_before_it_begins(study: Study) -> None:
+def test_a_bad_sheet_stops_the_run_before_it_begins(study):
     with (study.folder / "cohort.tsv").open("a") as sheet:
         sheet.write("sub-x\tn/a\tL\tforty\tx.surf.gii\tyes\tn/a\n")
     result = study.run()
@@ -259,7 +257,7 @@ def test_a_bad_sheet_stops_the_run_before_it_begins(study: Study) -> None:
 @pytest.mark.parametrize(
     ("rule", "killed"), [("generate", "everything"), ("clean", "the job")], ids=["S1 with Snakemake", "S4 alone"]
 )
-def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study: Study, rule: str, killed: str) -> None:
+def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study, rule, killed):
     study.write_cases(study.cases()[:1])
     study.config["generate"] |= {"cell_size": [1.0]}  # seconds, so that there is something to kill
     finals = {"generate": "*res-1000um*Generated_tetmesh.*", "clean": "*res-1000um*Cleaned_tetmesh.*"}[rule]
@@ -320,7 +318,7 @@ def wait_for(found: Callable[[], int | None], run: subprocess.Popen[bytes], seco
     raise AssertionError("the job to kill never ran")
 
 
-def test_files_that_vanished_beside_an_export_are_named(study: Study) -> None:
+def test_files_that_vanished_beside_an_export_are_named(study):
     study.config["export"] = {"formats": ["fenics"]}
     study.jobs_of_run("meshes")
     (mesh,) = (file for file in study.files("sub-a*.xdmf") if "_facets" not in file.name)
@@ -332,7 +330,7 @@ def test_files_that_vanished_beside_an_export_are_named(study: Study) -> None:
     assert mesh.with_suffix(".h5").exists()
 
 
-def test_an_export_that_was_changed_is_left_and_said(study: Study) -> None:
+def test_an_export_that_was_changed_is_left_and_said(study):
     (mesh,) = study.files("sub-a*_sets.vtu")
     mesh.write_bytes(mesh.read_bytes() + b"\n")
     done = study.run("--dry-run")

@@ -39,7 +39,7 @@ def spheres(study: Study) -> Study:
     return study
 
 
-def test_cases_with_spheres_share_triangles_and_the_others_stay_as_they_are(spheres: Study) -> None:
+def test_cases_with_spheres_share_triangles_and_the_others_stay_as_they_are(spheres):
     study = spheres
     first = study.jobs_of_run()
     assert {case for rule, case in first if rule == "resample"} == {"sub-b", "sub-c"}
@@ -78,12 +78,12 @@ def test_cases_with_spheres_share_triangles_and_the_others_stay_as_they_are(sphe
     assert ("cohort_page", "-") in again
 
 
-def test_the_stage_can_be_left_out(spheres: Study) -> None:
+def test_the_stage_can_be_left_out(spheres):
     spheres.config["resample"] = {"enabled": False}
     assert not {rule for rule, _ in spheres.planned_jobs()} & {"resample", "resample_inner"}
 
 
-def test_a_phantom_comes_with_its_sphere(tmp_path: Path) -> None:
+def test_a_phantom_comes_with_its_sphere(tmp_path):
     study = Study(tmp_path)
     study.config |= {"phantom": {"subdivisions": 4}, "resample": {"subdivisions": 3}}
     study.write_cases([replace(study.case("p"), surface=PHANTOM, sphere=PHANTOM)])

@@ -8,7 +8,6 @@ import re
 import shutil
 import subprocess
 from importlib.util import find_spec
-from pathlib import Path
 
 import pytest
 
@@ -43,7 +42,7 @@ def hashes(study: Study) -> dict[str, str]:
     }
 
 
-def test_slurm_makes_the_same_files_and_tries_a_failed_job_again(finished: Study, tmp_path: Path) -> None:
+def test_slurm_makes_the_same_files_and_tries_a_failed_job_again(finished, tmp_path):
     study = Study(tmp_path / "study")
     shutil.copytree(finished.folder / "surfaces", study.folder / "surfaces")
     bad = study.folder / "surfaces/c.surf.gii"

@@ -59,7 +59,7 @@ def study(compared: Study, tmp_path: Path) -> Study:
     return Study(tmp_path / "study", compared.config)
 
 
-def test_every_stage_is_measured_in_each_setting_on_the_meshes_of_its_mesher(compared: Study) -> None:
+def test_every_stage_is_measured_in_each_setting_on_the_meshes_of_its_mesher(compared):
     measured = ablation(compared)
     for mesher in ("cgal", "tetgen"):
         assert (mesher, "n/a", "S1-S2") in measured
@@ -70,7 +70,7 @@ def test_every_stage_is_measured_in_each_setting_on_the_meshes_of_its_mesher(com
     assert {row["meshes"] for (mesher, *_), row in measured.items() if mesher != "netgen"} == {"2"}
 
 
-def test_settings_share_the_mesh_of_s1_and_differ_from_s3_on(compared: Study) -> None:
+def test_settings_share_the_mesh_of_s1_and_differ_from_s3_on(compared):
     assert len(compared.files("*res-4000um_desc-cgalGenerated_tetmesh.vtu")) == 2
     assert len(compared.files("*res-4000um_desc-cgalPublishedCleaned_tetmesh.vtu")) == 2
     ours, theirs = (ablation(compared)["cgal", setting, "S1-S4"] for setting in SETTINGS)
@@ -78,13 +78,13 @@ def test_settings_share_the_mesh_of_s1_and_differ_from_s3_on(compared: Study) ->
     assert ours["q_mean_mean"] != theirs["q_mean_mean"]
 
 
-def test_a_mesher_that_is_not_installed_is_a_row_that_says_so(compared: Study) -> None:
+def test_a_mesher_that_is_not_installed_is_a_row_that_says_so(compared):
     row = ablation(compared)["netgen", "n/a", "S1-S2"]
     assert (row["meshes"], row["failed"], row["q_max_median"]) == ("0", "2", "n/a")
     assert "No module named 'netgen'" in row["remarks"]
 
 
-def test_the_number_of_elements_falls_with_the_cell_size(compared: Study) -> None:
+def test_the_number_of_elements_falls_with_the_cell_size(compared):
     ours = [row for row in rows(compared, "resolution") if row["source"] == "this cohort"]
     assert [(row["mesher"], row["setting"], row["cell_size_mm"]) for row in ours] == [
         (mesher, setting, size)
@@ -94,7 +94,7 @@ def test_the_number_of_elements_falls_with_the_cell_size(compared: Study) -> Non
     assert all(-4 < float(row["exponent"]) < -2 for row in ours)
 
 
-def test_figures_and_tables_are_written_in_every_form_and_shown_in_the_report(compared: Study) -> None:
+def test_figures_and_tables_are_written_in_every_form_and_shown_in_the_report(compared):
     figures = ("figure-cohort", "figure-pooled-quality_res-4000um", "figure-series")
     for figure in figures:
         assert {path.suffix for path in compared.files(f"{figure}.*")} == {".svg", ".pdf", ".png"}
@@ -105,11 +105,11 @@ def test_figures_and_tables_are_written_in_every_form_and_shown_in_the_report(co
     assert {"report.html", "cohort_quality.html", *(f"{figure}.svg" for figure in figures)} <= names
 
 
-def test_nothing_of_the_experiments_is_part_of_all(finished: Study) -> None:
+def test_nothing_of_the_experiments_is_part_of_all(finished):
     assert not finished.files("*Published*") and not finished.files("table-*")
 
 
-def test_a_second_run_does_nothing_and_a_new_row_runs_its_case_and_the_tables(study: Study) -> None:
+def test_a_second_run_does_nothing_and_a_new_row_runs_its_case_and_the_tables(study):
     assert study.jobs_of_run("tables") == set()
     study.add_case(study.case("c"), surface(2))
     ran = study.jobs_of_run("derivatives/cortet/cohort/table-ablation.tsv")
@@ -118,7 +118,7 @@ def test_a_second_run_does_nothing_and_a_new_row_runs_its_case_and_the_tables(st
     assert ablation(study)["tetgen", "published", "S1-S4"]["meshes"] == "3"
 
 
-def test_a_bad_case_is_told_in_the_table_and_stops_nothing(study: Study) -> None:
+def test_a_bad_case_is_told_in_the_table_and_stops_nothing(study):
     study.add_case(study.case("double"), twice(surface(3)))
     study.jobs_of_run("tables", succeeds=False)
     row = ablation(study)["cgal", "published", "S1-S4"]

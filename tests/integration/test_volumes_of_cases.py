@@ -10,12 +10,12 @@ import pytest
 from cortet.formats import read_mesh, vtu
 from cortet.formats.tsv import read_tsv
 from cortet.formats.volumes import write_volume
-from tests.integration.study import Study, surface
+from tests.integration.study import surface
 
 pytestmark = pytest.mark.thorough
 
 
-def test_a_volume_of_a_case(study: Study) -> None:
+def test_a_volume_of_a_case(study):
     study.config["export"] = {"formats": ["abaqus"]}
     given = surface(1)  # of the second case
     middle = given.points.mean(axis=0)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -40,7 +38,7 @@ def is_grey(image: np.ndarray) -> bool:
     return int(np.ptp(image.astype(int), axis=2).max()) < 30
 
 
-def test_one_scale_for_all_ages_and_the_cut_in_colour(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_scale_for_all_ages_and_the_cut_in_colour(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     figure = series_figure([Brain(22.0, {"L": BALL}), Brain(None, {"R": ball_mesh(radius=20.0)})])
     (first, first_cut), (second, second_cut) = pictures(figure)
@@ -50,14 +48,14 @@ def test_one_scale_for_all_ages_and_the_cut_in_colour(monkeypatch: pytest.Monkey
     assert [axis.get_title() for axis in figure.axes[:2]] == ["22 weeks, left", "age n/a, right"]
 
 
-def test_both_hemispheres_have_rows_of_their_own_where_there_are_both() -> None:
+def test_both_hemispheres_have_rows_of_their_own_where_there_are_both():
     figure = series_figure([Brain(22.0, {"L": BALL, "R": BALL}), Brain(30.0, {"L": BALL})])
     assert [len(column) for column in pictures(figure)] == [3, 2]
     assert [axis.get_ylabel() for axis in figure.axes[:4:2]] == ["left", "right"]
 
 
 @pytest.mark.parametrize(("side", "ahead"), [("L", -1), ("R", 1)])
-def test_a_hemisphere_is_seen_from_its_own_side(side: Literal["L", "R"], ahead: int) -> None:
+def test_a_hemisphere_is_seen_from_its_own_side(side, ahead):
     nose = TetMesh(BALL.points * np.where(BALL.points[:, 1:2] > 0, [1, 2, 1], 1), BALL.cells)  # longer to the front
     image = lateral_view(nose, side=side, cut=False, half_width=25.0, half_height=25.0, width=200)
     columns = (image < 250).any(axis=2).sum(axis=0)
@@ -65,14 +63,14 @@ def test_a_hemisphere_is_seen_from_its_own_side(side: Literal["L", "R"], ahead: 
     assert np.sign(np.flatnonzero(columns).mean() - tall) == ahead
 
 
-def test_a_hemisphere_shows_its_lateral_side() -> None:
+def test_a_hemisphere_shows_its_lateral_side():
     right = replace(BALL, points=BALL.points + np.array([12.0, 0, 0]))
     brains = [{"R": right}, {"L": right}, {"n/a": right}, {"n/a": BALL}]
     figure = series_figure([Brain(22.0, meshes) for meshes in brains])
     assert [axis.texts[0].get_ha() for axis in figure.axes[:4]] == ["right", "left", "right", "left"]
 
 
-def test_it_is_drawn_from_files_and_marks_a_brain_that_is_not_certified(tmp_path: Path) -> None:
+def test_it_is_drawn_from_files_and_marks_a_brain_that_is_not_certified(tmp_path):
     vtu.write(BALL, tmp_path / "a.vtu")
     for verdict in (True, False):
         content = {"schema": 1, "certified": verdict, "checks": [{"id": "worst_q"}]}
@@ -89,7 +87,7 @@ def test_it_is_drawn_from_files_and_marks_a_brain_that_is_not_certified(tmp_path
     assert [axis.get_title().count("\n") for axis in figure.axes[:2]] == [2, 2], "names stand at one height"
 
 
-def test_pooled_quality_has_a_row_per_setting_before_the_published_distributions() -> None:
+def test_pooled_quality_has_a_row_per_setting_before_the_published_distributions():
     counts = np.zeros(200, np.int32)
     counts[[20, 100]] = 99, 1
     figure = pooled_quality_figure(

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -65,7 +63,7 @@ def printed(table: Table, name: str, row: dict[str, Any]) -> str:
     return column.text(row)
 
 
-def test_a_record_says_whose_it_is(tmp_path: Path) -> None:
+def test_a_record_says_whose_it_is(tmp_path):
     origins = [at("a", "Cleaned", "published"), at("a", "Generated", None, size=1.0)]
     for number, origin in enumerate(origins):
         (tmp_path / f"{number}.json").write_text(json.dumps({"origin": asdict(origin), **record()}))
@@ -75,7 +73,7 @@ def test_a_record_says_whose_it_is(tmp_path: Path) -> None:
 # --- Table 1: the ablation -------------------------------------------------------------------------------------------
 
 
-def test_stages_are_summarised_over_the_meshes_in_their_order() -> None:
+def test_stages_are_summarised_over_the_meshes_in_their_order():
     records = {
         at("a", "Cleaned", "published"): record(mean=0.128, max=0.50),
         at("b", "Cleaned", "published"): record(mean=0.130, max=0.52),
@@ -101,7 +99,7 @@ def test_stages_are_summarised_over_the_meshes_in_their_order() -> None:
     assert (first["meshes"], first["failed"], first["tets_total"]) == (2, 0, 96)
 
 
-def test_a_mean_that_cleaning_raises_is_explained() -> None:
+def test_a_mean_that_cleaning_raises_is_explained():
     means = {("Generated", None): 0.24, ("Cleaned", "default"): 0.34, ("Reconnected", "default"): 0.20}
     means |= {("Relocated", "published"): 0.23, ("Cleaned", "published"): 0.232}
     records = {at("a", *key, "tetgen"): record(mean=mean, max=0.9) for key, mean in means.items()}
@@ -109,7 +107,7 @@ def test_a_mean_that_cleaning_raises_is_explained() -> None:
     assert [key for key, remark in told.items() if "mean q rises" in remark] == [("S1-S4", "default")]
 
 
-def test_what_failed_is_told_with_its_reason() -> None:
+def test_what_failed_is_told_with_its_reason():
     reports = {at("a", "Generated", None, "netgen"): {"failure": "netgen crashed (SIGSEGV)"}}
     missing = {at("b", "Cleaned"): "relocate: Gmsh failed", at("c", "Cleaned"): "clean: too bad"}
     cleaned, crashed = ours({at("a", "Cleaned"): record(max=0.4)}, reports, missing, {})
@@ -119,13 +117,13 @@ def test_what_failed_is_told_with_its_reason() -> None:
     assert crashed["remarks"] == "sub-a: netgen crashed (SIGSEGV)" and crashed["q_max_median"] is None
 
 
-def test_a_reason_that_many_cases_share_is_printed_with_three_of_them() -> None:
+def test_a_reason_that_many_cases_share_is_printed_with_three_of_them():
     (row,) = ours({}, {}, {at(case, "Cleaned"): "clean: sub-optimal, too bad" for case in "abcdefg"}, {})
     assert row["remarks"].startswith("sub-a, sub-b, sub-c, sub-d, sub-e, sub-f, sub-g: clean")
     assert printed(ABLATION, "remarks", row) == "sub-a, sub-b, sub-c and 4 more: clean: sub-optimal, too bad"
 
 
-def test_meshes_of_the_fallback_and_of_wrong_topology_are_counted() -> None:
+def test_meshes_of_the_fallback_and_of_wrong_topology_are_counted():
     records = {at(case, "Cleaned"): record(max=0.4) for case in "abc"}
     reports = {
         at("a", "Generated", None): {"backend": "pygalmesh", "topology_ok": True},
@@ -137,7 +135,7 @@ def test_meshes_of_the_fallback_and_of_wrong_topology_are_counted() -> None:
     assert printed(ABLATION, "remarks", row) == "1 by S1's fallback"
 
 
-def test_reference_meshes_and_the_published_table_stand_below() -> None:
+def test_reference_meshes_and_the_published_table_stand_below():
     records, references = {at("a", "Generated", None): record()}, {"tallinen": record(max=0.811, above=15)}
     rows = rows_of(ablation_table(records, {}, {}, references))
     assert [row["source"] for row in rows] == ["this cohort", "reference mesh"] + 5 * ["arXiv:2607.12157"]
@@ -148,7 +146,7 @@ def test_reference_meshes_and_the_published_table_stand_below() -> None:
 # --- Table 2 and other measures: one row per mesh --------------------------------------------------------------------
 
 
-def test_cells_of_half_the_size_are_eight_times_as_many() -> None:
+def test_cells_of_half_the_size_are_eight_times_as_many():
     sizes = pd.DataFrame({"cell_size_mm": [0.4, 0.8], "tets": [8000, 1000]})
     slope, error = exponent(sizes)
     assert slope == pytest.approx(-3) and np.isnan(error)
@@ -160,7 +158,7 @@ def test_cells_of_half_the_size_are_eight_times_as_many() -> None:
     assert printed(RESOLUTION, "exponent", {"exponent": slope, "exponent_se": error}) == "-3.00 ± 0.08"
 
 
-def test_rows_are_in_the_order_of_age_and_cell_size_before_the_published_ones() -> None:
+def test_rows_are_in_the_order_of_age_and_cell_size_before_the_published_ones():
     records = {at("a", size=1.0): record(2), at("b", size=1.0): record(2), at("b", size=0.5): record(4)}
     rows = rows_of(resolution_table(records, {}, AGES))
     assert [(row["case"], row["cell_size_mm"]) for row in rows[:3]] == [("sub-b", 0.5), ("sub-b", 1.0), ("sub-a", 1.0)]
@@ -170,7 +168,7 @@ def test_rows_are_in_the_order_of_age_and_cell_size_before_the_published_ones() 
     assert [row["exponent"] for row in rows[3:]] == pytest.approx(9 * [-3], abs=0.02)
 
 
-def test_measures_are_the_largest_of_each_record_and_the_published_range() -> None:
+def test_measures_are_the_largest_of_each_record_and_the_published_range():
     content = record()
     mine, theirs = rows_of(measures_table({at("a"): content}, {}, AGES))
     assert mine["one_minus_mean_ratio_max"] == content["one_minus_mean_ratio"]["max"]
@@ -180,7 +178,7 @@ def test_measures_are_the_largest_of_each_record_and_the_published_range() -> No
 
 @OF_MESHES
 @pytest.mark.parametrize("age", [22.0, None])
-def test_an_unknown_age_comes_last(table: Table, table_of: Callable[..., pd.DataFrame], age: float | None) -> None:
+def test_an_unknown_age_comes_last(table, table_of, age):
     ages = {"sub-a": None, "sub-b": age}
     rows = rows_of(table_of({at("a"): record(), at("b"): record()}, {}, ages))
     assert [row["case"] for row in rows[:2]] == (["sub-b", "sub-a"] if age else ["sub-a", "sub-b"])
@@ -188,9 +186,7 @@ def test_an_unknown_age_comes_last(table: Table, table_of: Callable[..., pd.Data
 
 
 @OF_MESHES
-def test_a_mesh_that_is_missing_or_not_certified_says_why(
-    table: Table, table_of: Callable[..., pd.DataFrame], tmp_path: Path
-) -> None:
+def test_a_mesh_that_is_missing_or_not_certified_says_why(table, table_of, tmp_path):
     certificates = {}
     for case, limit in (("a", 0.6), ("b", 0.8)):
         check = asdict(checked("worst_q", 0.7, "<", limit, remedy="use a smaller cell size"))
@@ -225,7 +221,7 @@ EACH = pytest.mark.parametrize("table", [ABLATION, RESOLUTION, MEASURES], ids=la
 
 
 @EACH
-def test_they_are_written_in_every_form(table: Table, tmp_path: Path) -> None:
+def test_they_are_written_in_every_form(table, tmp_path):
     tsv, sidecar, markdown = (tmp_path / f"table.{suffix}" for suffix in ("tsv", "json", "md"))
     rows = rows_with_long_remarks(table)
     write(table, rows, tsv, sidecar, markdown)
@@ -236,6 +232,6 @@ def test_they_are_written_in_every_form(table: Table, tmp_path: Path) -> None:
 
 
 @EACH
-def test_they_fit_both_columns_of_a_journal(table: Table, tmp_path: Path) -> None:
+def test_they_fit_both_columns_of_a_journal(table, tmp_path):
     write(table, rows_with_long_remarks(table), tmp_path / "table.tex")
     require_fits(tmp_path / "table.tex")

@@ -28,7 +28,7 @@ def dented(mesh: TetMesh) -> TetMesh:
     return TetMesh(points, mesh.cells)
 
 
-def test_a_view_gives_the_boundary_back_and_the_worst_q_of_the_elements_at_each_vertex() -> None:
+def test_a_view_gives_the_boundary_back_and_the_worst_q_of_the_elements_at_each_vertex():
     mesh = ball_mesh(2, radius=20.0)
     boundary, nodes = boundary_surface(mesh)
     view = boundary_view(mesh, [{"q": 0.5, "centre_mm": (1.0, 2.0, 3.0), "reason": "x"}])
@@ -41,7 +41,7 @@ def test_a_view_gives_the_boundary_back_and_the_worst_q_of_the_elements_at_each_
     assert view["colours"][0] == [253, 231, 37] and view["colours"][-1] == [68, 1, 84]  # viridis, from its end
 
 
-def test_a_fine_boundary_is_simplified_and_keeps_its_worst_q() -> None:
+def test_a_fine_boundary_is_simplified_and_keeps_its_worst_q():
     mesh = dented(ball_mesh(3, radius=20.0))
     boundary, nodes = boundary_surface(mesh)
     view = boundary_view(mesh, [], max_faces=300)

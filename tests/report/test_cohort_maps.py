@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,7 +23,7 @@ def ball(radius: float) -> TriSurface:
     return replace(one, point_data=fields)
 
 
-def test_a_case_has_its_fields_thickness_and_distance_at_the_vertices_of_the_common_mesh() -> None:
+def test_a_case_has_its_fields_thickness_and_distance_at_the_vertices_of_the_common_mesh():
     surface, mesh = ball(21.0), ball_mesh(2, radius=20.0)
     found = case_map(ball_surface(3, radius=21.0), nested(surface, {"white": ball_surface(3, radius=19.5)}), mesh)
     assert np.array_equal(found.points, surface.points)
@@ -34,7 +33,7 @@ def test_a_case_has_its_fields_thickness_and_distance_at_the_vertices_of_the_com
     assert 1.0 < found.point_data[DISTANCE].mean() < 1.3
 
 
-def test_other_triangles_are_looked_up_at_the_nearest_point() -> None:
+def test_other_triangles_are_looked_up_at_the_nearest_point():
     finer = ball_surface(4, radius=20.0)
     finer = replace(finer, point_data={"height": finer.points[:, 2]})
     found = case_map(ball_surface(3, radius=20.5), finer, ball_mesh(2, radius=20.0))
@@ -42,7 +41,7 @@ def test_other_triangles_are_looked_up_at_the_nearest_point() -> None:
     assert found.point_data["height"] == pytest.approx(found.points[:, 2], abs=1e-6)
 
 
-def test_means_are_of_the_cases_that_have_a_field_and_labels_are_the_most_frequent() -> None:
+def test_means_are_of_the_cases_that_have_a_field_and_labels_are_the_most_frequent():
     first, second, third = (ball(radius) for radius in (10.0, 20.0, 30.0))
     first = replace(first, point_data={**first.point_data, "lobe": 1 - first.point_data["lobe"]})
     third = replace(third, point_data={"lobe": third.point_data["lobe"]})
@@ -57,7 +56,7 @@ def test_means_are_of_the_cases_that_have_a_field_and_labels_are_the_most_freque
         mean_map([ball(10.0), ball_surface(2)])
 
 
-def test_files_and_picture_are_written_alike_every_time(tmp_path: Path) -> None:
+def test_files_and_picture_are_written_alike_every_time(tmp_path):
     files = {"sub-1_hemi-L": 20.0, "sub-2_hemi-L": 24.0}
     for name, radius in files.items():
         write_surface(ball(radius), tmp_path / name)

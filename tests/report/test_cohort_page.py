@@ -60,14 +60,14 @@ def outliers(rows: list[dict[str, str]], limit: float | None = 0.6) -> list[str]
     return list(table.loc[table["outlying"] != "", "case"])
 
 
-def test_an_outlier_is_more_than_halfway_from_the_others_to_the_limit() -> None:
+def test_an_outlier_is_more_than_halfway_from_the_others_to_the_limit():
     rows = measured(**dict.fromkeys("abc", 0.3), d=0.44, e=0.46, f=0.25)
     share = with_outliers(pd.DataFrame(rows), 0.6)["outlier"]
     assert pd.to_numeric(share).tolist() == pytest.approx([0, 0, 0, 0.14 / 0.3, 0.16 / 0.3, 0])
     assert outliers(rows) == ["e"]
 
 
-def test_what_is_no_outlier() -> None:
+def test_what_is_no_outlier():
     assert outliers(measured(**dict.fromkeys("abcdefgh", 0.3), i=0.324, j=0.33)) == [], "they differ by chance"
     assert outliers(measured(a=0.3, b=0.3, c=0.5), None) == [], "there is no limit"
     assert outliers(measured(a=0.7, b=0.7, c=0.3)) == [], "most are beyond it"
@@ -75,13 +75,13 @@ def test_what_is_no_outlier() -> None:
     assert outliers([*WORST, coarse]) == ["e"], "other cells are not compared"
 
 
-def test_failures_come_first_then_the_farthest_outlier() -> None:
+def test_failures_come_first_then_the_farthest_outlier():
     rows = [*WORST, other("x", "excluded"), other("y", "failed"), other("z", "uncertified")]
     names = list(ordered(with_outliers(pd.DataFrame(rows).fillna("n/a"), 0.6))["case"])
     assert names[:3] == ["y", "z", "e"] and names[-1] == "x"
 
 
-def test_every_case_leads_to_its_page_whatever_the_order_of_the_tables(tmp_path: Path) -> None:
+def test_every_case_leads_to_its_page_whatever_the_order_of_the_tables(tmp_path):
     page = written(tmp_path, WORST)
     assert set(re.findall(r'<th scope="row"><a href="\.\./(\w+)\.html">', page)) == set("abcdef")
     assert "limit &lt; 0.6" in page
@@ -90,12 +90,12 @@ def test_every_case_leads_to_its_page_whatever_the_order_of_the_tables(tmp_path:
     assert written(tmp_path, WORST[::-1]) == page
 
 
-def test_what_is_not_known_of_all_meshes_comes_from_the_quality_table(tmp_path: Path) -> None:
+def test_what_is_not_known_of_all_meshes_comes_from_the_quality_table(tmp_path):
     page = written(tmp_path, WORST, [{**row, "hemi": "L"} for row in WORST], meshes=[])
     assert page.count("<td>L</td>") == len(WORST)
 
 
-def test_a_cohort_in_which_everything_failed_has_a_page_too(tmp_path: Path) -> None:
+def test_a_cohort_in_which_everything_failed_has_a_page_too(tmp_path):
     failed = other("a", "failed", stage="gate", reason="<script>alert(1)</script> (mend it)")
     page = written(tmp_path, [failed, {"case": "b", "state": "excluded", "reason": "motion"}], [])
     assert re.findall(r'<th scope="row"><a href="(.*?)">', page) == ["../a.html"]
@@ -104,7 +104,7 @@ def test_a_cohort_in_which_everything_failed_has_a_page_too(tmp_path: Path) -> N
     assert re.findall(r'<img class="thumbnail" src="([^"]*)"', page) == [DOT], "an excluded one has none"
 
 
-def test_folds_and_maps_are_part_of_the_page(tmp_path: Path) -> None:
+def test_folds_and_maps_are_part_of_the_page(tmp_path):
     mesh = {"case": "a", "cell_size_mm": 0.6, "mesher": "cgal"}
     rows = [
         {**mesh, "variant": "thin", "state": "failed", "reason": "fold: killed"},

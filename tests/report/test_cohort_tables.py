@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from html import escape
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -74,7 +73,7 @@ def records() -> list[dict[str, Any]]:
     return [record(CASES[0]), record(CASES[1], q_max=0.2)]
 
 
-def test_one_row_per_certificate_with_the_sheet_before_the_measures(records: list[dict[str, Any]]) -> None:
+def test_one_row_per_certificate_with_the_sheet_before_the_measures(records):
     first, second = quality_table(records, CASES).to_dict("records")
     assert (first["case"], first["participant_id"], first["session_id"]) == ("sub-01_ses-a_hemi-L", "sub-01", "ses-a")
     assert (first["scan_age"], first["site"]) == (22.5, "x")
@@ -91,9 +90,7 @@ def test_one_row_per_certificate_with_the_sheet_before_the_measures(records: lis
     assert "must be below 0.2" in second["reasons"]
 
 
-def test_every_value_is_found_in_a_certificate_and_every_certificate_in_the_sheet(
-    records: list[dict[str, Any]], tmp_path: Path
-) -> None:
+def test_every_value_is_found_in_a_certificate_and_every_certificate_in_the_sheet(records, tmp_path):
     values = quality_table(records, CASES).loc[1, names(QUALITY_COLUMNS)]
     assert list(values.index[values.isna()]) == []
     with pytest.raises(KeyError, match="sub-01_ses-a_hemi-L"):
@@ -105,9 +102,7 @@ def test_every_value_is_found_in_a_certificate_and_every_certificate_in_the_shee
             read_certificate(tmp_path / "other.json")
 
 
-def test_sidecars_explain_every_column_and_give_units_and_thresholds(
-    records: list[dict[str, Any]], tmp_path: Path
-) -> None:
+def test_sidecars_explain_every_column_and_give_units_and_thresholds(records, tmp_path):
     explained = {}
     for name, write in (("quality", write_quality), ("summary", write_summary)):
         table, beside = tmp_path / f"{name}.tsv", tmp_path / f"{name}.json"
@@ -124,14 +119,14 @@ def test_sidecars_explain_every_column_and_give_units_and_thresholds(
     assert explained["bank_gap"]["Threshold"] == ">= 0.03"
 
 
-def test_a_limit_that_differs_from_mesh_to_mesh_is_given_as_a_range() -> None:
+def test_a_limit_that_differs_from_mesh_to_mesh_is_given_as_a_range():
     sizes = [record(CASES[0], cell_size=size) for size in (0.6, 1.0)]
     explained = sidecar(quality_columns(sizes, ["surface_to_boundary_max_mm", "q_max"]))
     assert explained["surface_to_boundary_max_mm"]["Threshold"] == "<= 0.3 to 0.5, by the mesh"
     assert explained["q_max"]["Threshold"] == "< 0.6"
 
 
-def test_the_summary_has_the_format_of_the_published_table_by_cell_size() -> None:
+def test_the_summary_has_the_format_of_the_published_table_by_cell_size():
     meshes = [
         (0.6, "pass", 0.1285, 0.462, 0),
         (0.6, "pass", 0.129, 0.508, 0),
@@ -151,7 +146,7 @@ def test_the_summary_has_the_format_of_the_published_table_by_cell_size() -> Non
     assert (one["q_mean"], one["q_max"], one["q_above_0.6"]) == ("0.130", "0.462", "12,095")
 
 
-def test_the_table_of_stages_has_a_row_per_record_in_the_order_given(tmp_path: Path) -> None:
+def test_the_table_of_stages_has_a_row_per_record_in_the_order_given(tmp_path):
     content, paths = asdict(summarise(cube_mesh(2))), []
     for stage in ("Generated", "Cleaned"):
         origin = {"case": "sub-1_hemi-L", "cell_size_mm": 0.6, "mesher": "cgal", "stage": stage}
@@ -165,9 +160,7 @@ def test_the_table_of_stages_has_a_row_per_record_in_the_order_given(tmp_path: P
     assert rows["q_above_0.4"].iloc[0] == str(content["count_above"]["0.4"])
 
 
-def test_a_column_is_one_line_that_the_table_its_view_and_the_page_show(
-    records: list[dict[str, Any]], tmp_path: Path
-) -> None:
+def test_a_column_is_one_line_that_the_table_its_view_and_the_page_show(records, tmp_path):
     table, beside, view = (tmp_path / f"cohort_quality.{suffix}" for suffix in ("tsv", "json", "html"))
     write_quality(records[1:], CASES, [table, beside, view])
     mesh = {"case": CASES[1].name, "cell_size_mm": 1.0, "mesher": "cgal", "state": "certified"}

@@ -41,7 +41,7 @@ def labels(figure: Figure) -> list[str]:
     return [text.get_text() for text in figure.legends[0].get_texts()]
 
 
-def test_each_panel_shows_every_mesh_in_front_of_the_published_ones(figure: Figure) -> None:
+def test_each_panel_shows_every_mesh_in_front_of_the_published_ones(figure):
     each = [380, 970, 450], [0.129, 0.131, 0.133], [0.39, 0.41, 0.44], [0.03, 0.04, 0.05]
     for axis, values in zip(figure.axes, each, strict=True):
         ours = [np.asarray(points.get_offsets()) for points in axis.collections]
@@ -64,7 +64,7 @@ def test_each_panel_shows_every_mesh_in_front_of_the_published_ones(figure: Figu
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_without_ages_meshes_stand_by_case(table: Path, count: int) -> None:
+def test_without_ages_meshes_stand_by_case(table, count):
     table.write_text(HEADER + count * AGELESS)
     axis = cohort_figure(table).axes[0]
     (points,) = axis.collections
@@ -72,7 +72,7 @@ def test_without_ages_meshes_stand_by_case(table: Path, count: int) -> None:
     assert axis.get_xlabel().startswith("case") and all(float(case).is_integer() for case in axis.get_xticks())
 
 
-def test_meshes_of_unknown_age_stand_beyond_the_axis_of_ages(table: Path) -> None:
+def test_meshes_of_unknown_age_stand_beyond_the_axis_of_ages(table):
     table.write_text(HEADER + ROWS + AGELESS)
     for axis, value in zip(cohort_figure(table).axes, (390, 0.129, 0.4, 0.03), strict=True):
         assert axis.get_xlim()[0] > 15, "no age is near 0"
@@ -83,12 +83,12 @@ def test_meshes_of_unknown_age_stand_beyond_the_axis_of_ages(table: Path) -> Non
         assert not beside.get_clip_on() and "age\nn/a" in texts(axis)
 
 
-def test_a_panel_may_stand_alone(table: Path) -> None:
+def test_a_panel_may_stand_alone(table):
     (axis,) = cohort_figure(table, limit=0.6, panels=["q_max"]).axes
     assert axis.get_ylabel() == PANELS["q_max"] and [line.get_ydata()[0] for line in axis.lines] == [0.6]
 
 
-def test_meshes_of_other_cells_stand_beside_published_q_only_and_the_panels_say_so(table: Path) -> None:
+def test_meshes_of_other_cells_stand_beside_published_q_only_and_the_panels_say_so(table):
     table.write_text(HEADER + ROWS.replace("\t0.6\t", "\t2\t"))
     figure = cohort_figure(table, limit=0.6, target=0.3)
     assert [max(len(points.get_offsets()) for points in axis.collections) for axis in figure.axes] == [1, 194, 194, 1]
@@ -96,7 +96,7 @@ def test_meshes_of_other_cells_stand_beside_published_q_only_and_the_panels_say_
     assert [line.get_ydata()[0] for line in figure.axes[2].lines] == [0.6, 0.3]
 
 
-def test_a_mesh_that_is_not_certified_is_crossed_out(table: Path) -> None:
+def test_a_mesh_that_is_not_certified_is_crossed_out(table):
     table.write_text(HEADER + ROWS.replace("0.04\tpass", "0.04\tfail"))
     figure = cohort_figure(table)
     for axis, value in zip(figure.axes, (970, 0.131, 0.41, 0.04), strict=True):
@@ -105,7 +105,7 @@ def test_a_mesh_that_is_not_certified_is_crossed_out(table: Path) -> None:
     assert labels(figure)[-1] == "not certified ($n$ = 1)"
 
 
-def test_a_journal_chooses_width_and_letters(table: Path) -> None:
+def test_a_journal_chooses_width_and_letters(table):
     assert list(LOOKS) == list(get_args(Figures.model_fields["journal"].annotation))
     with look("plos"):
         figure = cohort_figure(table)
@@ -114,7 +114,7 @@ def test_a_journal_chooses_width_and_letters(table: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", ["pdf", "svg", "png"])
-def test_files_are_the_same_every_time_and_hold_no_date(figure: Figure, tmp_path: Path, suffix: str) -> None:
+def test_files_are_the_same_every_time_and_hold_no_date(figure, tmp_path, suffix):
     first, second = tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}"
     save(figure, first, second)
     assert first.read_bytes() == second.read_bytes()
@@ -124,7 +124,7 @@ def test_files_are_the_same_every_time_and_hold_no_date(figure: Figure, tmp_path
 
 
 @pytest.mark.parametrize(("name", "columns"), [("this mesh", 2), ("sub-01_ses-02_hemi-L_" * 3, 1)])
-def test_the_legend_of_a_mesh_lies_beside_its_curves(name: str, columns: int) -> None:
+def test_the_legend_of_a_mesh_lies_beside_its_curves(name, columns):
     for figure in mesh_quality_figures({name: np.ones(200, np.int32)}, limit=0.6):
         figure.draw_without_rendering()
         (legend,), (axis,) = figure.legends, figure.axes

@@ -67,7 +67,7 @@ def meshed(setting: str, surface: TriSurface = BALL, **options: Any) -> dict[str
     return asdict(mesh_surface(surface, config, **options).certificate)
 
 
-def test_it_counts_surfaces_and_names_what_was_left_out(records: list[dict[str, Any]]) -> None:
+def test_it_counts_surfaces_and_names_what_was_left_out(records):
     text = methods_text(records, CASES, {"sub-02": "derivatives/cortet/sub-02/b.vtu: is not closed"})
     assert "3 closed cortical surfaces (1 of them synthetic) of 2 participants" in text
     assert "1 left hemisphere, 1 right hemisphere, 1 whole brain; gestational age at scan 22.5-30 weeks" in text
@@ -75,7 +75,7 @@ def test_it_counts_surfaces_and_names_what_was_left_out(records: list[dict[str, 
     assert "No surface was excluded." in methods_text(records, CASES[:3], {})
 
 
-def test_it_tells_of_ages_that_are_not_known(records: list[dict[str, Any]]) -> None:
+def test_it_tells_of_ages_that_are_not_known(records):
     ageless, unsmoothed = [replace(case, scan_age=None) for case in CASES[:3]], copy.deepcopy(records)
     for one in unsmoothed:
         del one["parameters"]["smooth_surface"]
@@ -87,7 +87,7 @@ def test_it_tells_of_ages_that_are_not_known(records: list[dict[str, Any]]) -> N
     assert "22.5-30 weeks, of 1 of them not known" in text and "Surfaces of known age were smoothed by age" in text
 
 
-def test_it_gives_the_parameters_of_each_stage_that_ran(records: list[dict[str, Any]]) -> None:
+def test_it_gives_the_parameters_of_each_stage_that_ran(records):
     text = methods_text(records, CASES, {})
     for part in ("h = 0.6 mm", "facet distance 0.5, 0.2, 0.1, 0.05 h", "boundary nodes fixed", "q > 0.7, 0.5, 0.3"):
         assert part in text
@@ -96,7 +96,7 @@ def test_it_gives_the_parameters_of_each_stage_that_ran(records: list[dict[str, 
     assert "boundary nodes free" in published and "swaps" not in published
 
 
-def test_it_tells_of_repaired_surfaces_and_of_the_fallback(records: list[dict[str, Any]]) -> None:
+def test_it_tells_of_repaired_surfaces_and_of_the_fallback(records):
     step = {"done": "holes filled", "count": 1200, "of": "faces"}
     records[0]["reports"]["repair"] = {"repaired": True, "steps": [step]}
     records[0]["reports"]["generate"]["backend"] = "tetgen"
@@ -105,7 +105,7 @@ def test_it_tells_of_repaired_surfaces_and_of_the_fallback(records: list[dict[st
     assert "the fallback lattice, where CGAL's boundary had another topology (1)" in text
 
 
-def test_it_gives_the_outcome_and_the_versions(records: list[dict[str, Any]]) -> None:
+def test_it_gives_the_outcome_and_the_versions(records):
     text = methods_text([*records[:2], certificate(CASES[2], q_max=0.1)], CASES, {})
     assert "Of 3 meshes, 2 had a worst q below 0.6" in text
     assert "Not certified: sub-02 (worst q" in text
@@ -113,7 +113,7 @@ def test_it_gives_the_outcome_and_the_versions(records: list[dict[str, Any]]) ->
     assert "use a smaller" not in text and "TetGen" not in text  # no advice, and no program that was not used
 
 
-def test_what_was_used_is_cited_and_nothing_that_is_only_installed() -> None:
+def test_what_was_used_is_cited_and_nothing_that_is_only_installed():
     cgal, default = meshed("cgal"), meshed("default")
     assert cited([cgal, default]) == ["cortet", "cortetsoftware", "tetgen", "cgal", "gmsh", "numpy", "scipy", "numba"]
     assert {"gmsh", "pymeshlab"} <= default["versions"].keys()
@@ -124,7 +124,7 @@ def test_what_was_used_is_cited_and_nothing_that_is_only_installed() -> None:
     assert {"pymeshlab", "taubin"} <= {*cited([smoothed])}
 
 
-def test_every_reference_of_the_files_is_an_entry(records: list[dict[str, Any]], tmp_path: Path) -> None:
+def test_every_reference_of_the_files_is_an_entry(records, tmp_path):
     paragraph, (cites, entries, methods) = "Of 2 meshes, √2.", (tmp_path / name for name in ("c.md", "c.bib", "m.md"))
     write_citation(paragraph, records, str(cites), str(entries))
     write_methods(paragraph, records, methods)

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
 from cortet.over_all import results
 from tests.cohort.test_plan import GOOD, MADE, plan
 
 
-def test_what_says_whether_meshes_are_certified_waits_for_their_certificates() -> None:
+def test_what_says_whether_meshes_are_certified_waits_for_their_certificates():
     labelled = replace(GOOD, volumes={"tissue": Path("tissue.nii.gz")})
     experiments = {"resolution": {"cell_size": [2.0, 3.0]}, "series": {"cases": "all"}}
     asked = plan(labelled, MADE, experiments=experiments)
@@ -22,7 +20,7 @@ def test_what_says_whether_meshes_are_certified_waits_for_their_certificates() -
     assert set(made["cohort_page"].inputs()) & set(made["cohort_tables"].files), "the page is made of the tables"
 
 
-def test_means_on_the_common_mesh_are_of_the_maps_that_exist(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_means_on_the_common_mesh_are_of_the_maps_that_exist(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     resampled = replace(GOOD, sphere=Path("sphere.surf.gii"))
     other = replace(resampled, participant="other")

@@ -71,14 +71,14 @@ def visible(page: str) -> str:
 
 
 @pytest.mark.parametrize(("surface", "drawn"), [(ball_surface(2), True), (FLAT, False), (None, False)])
-def test_a_thumbnail_shows_the_surface_if_it_can_be_drawn(surface: TriSurface | None, drawn: bool) -> None:
+def test_a_thumbnail_shows_the_surface_if_it_can_be_drawn(surface, drawn):
     content = thumbnail(surface, None)
     assert len(content) < 10_000
     alpha = np.asarray(PIL.Image.open(io.BytesIO(content)).convert("RGBA"))[..., 3]
     assert (alpha > 0).any() == drawn
 
 
-def test_checks_have_their_limits_and_worst_elements_their_locations(page: str, certificate: dict[str, Any]) -> None:
+def test_checks_have_their_limits_and_worst_elements_their_locations(page, certificate):
     rows = re.findall(r'<th scope="row">([^<]*)</th><td class="n">([^<]*)</td><td>([^<]*)</td>', page)
     shown = {name.lower(): (value, limit) for name, value, limit in rows}
     for check in certificate["checks"]:
@@ -90,7 +90,7 @@ def test_checks_have_their_limits_and_worst_elements_their_locations(page: str, 
         assert "{:.2f}, {:.2f}, {:.2f}".format(*element["centre_mm"]) in page
 
 
-def test_a_repaired_surface_says_what_was_done_where_and_shows_it(tmp_path: Path, page: str) -> None:
+def test_a_repaired_surface_says_what_was_done_where_and_shows_it(tmp_path, page):
     broken = TriSurface(SURFACE.points, SURFACE.faces[SURFACE.points[SURFACE.faces, 2].max(axis=1) < 18])
     made, report = repair(broken, source="a.gii")
     reports = {"repair": {**asdict(report), "inner": {"white": asdict(report)}}}
@@ -101,7 +101,7 @@ def test_a_repaired_surface_says_what_was_done_where_and_shows_it(tmp_path: Path
     assert 'id="repair"' in text and 'id="repair"' not in page
 
 
-def test_distances_to_the_native_surface_are_shown(tmp_path: Path, page: str) -> None:
+def test_distances_to_the_native_surface_are_shown(tmp_path, page):
     made, report = resample(ball_surface(2, radius=20.0), ball_surface(2), Resample(subdivisions=3))
     native = TriSurface(SURFACE.points * 1.01, SURFACE.faces)
     certificate = asdict(certify(MESH, made, native=native, reports={"resample": asdict(report)}))
@@ -111,12 +111,12 @@ def test_distances_to_the_native_surface_are_shown(tmp_path: Path, page: str) ->
     assert 'id="resampled"' in text and 'id="resampled"' not in page
 
 
-def test_a_mesh_that_is_not_certified_says_why(tmp_path: Path) -> None:
+def test_a_mesh_that_is_not_certified_says_why(tmp_path):
     page = case_page(tmp_path, asdict(certify(MESH, SURFACE, Certify(q_max=0.01))))
     assert 'id="reasons"' in page and "must be below 0.01" in page and 'class="bad"' in page
 
 
-def test_a_failed_case_says_what_failed_why_and_what_to_do(tmp_path: Path) -> None:
+def test_a_failed_case_says_what_failed_why_and_what_to_do(tmp_path):
     text = visible(failure_page(tmp_path, replace(SURFACE, faces=SURFACE.faces[1:])))
     for part in ("gate", "a.gii:", "close it (all of it)", "logs/a.log", "Edges in one face only"):
         assert part in text
@@ -124,7 +124,7 @@ def test_a_failed_case_says_what_failed_why_and_what_to_do(tmp_path: Path) -> No
     assert "not finite" in failure_page(tmp_path, FLAT)
 
 
-def test_what_others_wrote_is_quoted_not_obeyed(tmp_path: Path, certificate: dict[str, Any]) -> None:
+def test_what_others_wrote_is_quoted_not_obeyed(tmp_path, certificate):
     hostile = {**certificate, "case": HOSTILE, "certified": False, "reasons": [HOSTILE], "input": {"file": HOSTILE}}
     hostile |= {"parameters": {"gate": HOSTILE}, "versions": {HOSTILE: HOSTILE}}
     hostile["worst_elements"] = [{**certificate["worst_elements"][0], "reason": HOSTILE, "remedy": HOSTILE}]
@@ -134,7 +134,7 @@ def test_what_others_wrote_is_quoted_not_obeyed(tmp_path: Path, certificate: dic
         assert "&lt;script&gt;alert(1)" in page
 
 
-def test_only_the_scripts_of_the_page_may_run(tmp_path: Path, page: str) -> None:
+def test_only_the_scripts_of_the_page_may_run(tmp_path, page):
     (policy,) = re.findall(r'http-equiv="Content-Security-Policy" content="(.*?)"', page)
     allowed = set(re.findall(r"sha256-([^&]*)&", policy))
     scripts = re.findall(r"<script>(.*?)</script>", page, flags=re.DOTALL)
@@ -143,29 +143,27 @@ def test_only_the_scripts_of_the_page_may_run(tmp_path: Path, page: str) -> None
     assert "script-src &#39;none&#39;" in failure_page(tmp_path)
 
 
-def test_a_page_is_one_small_file_the_same_every_time_that_points_nowhere_else(
-    tmp_path: Path, page: str, certificate: dict[str, Any]
-) -> None:
+def test_a_page_is_one_small_file_the_same_every_time_that_points_nowhere_else(tmp_path, page, certificate):
     markup = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
     assert not re.findall(r'(?:src|href|action)="(?!data:|#)[^"]*"', markup)
     assert "@import" not in markup and "url(http" not in markup
     assert len(page) < 1_500_000 and case_page(tmp_path, certificate) == page
 
 
-def test_every_picture_has_its_words(page: str) -> None:
+def test_every_picture_has_its_words(page):
     pictures = re.findall(r"<img [^>]*>", page)
     charts = re.findall(r'<figure role="img" aria-label="([^"]*)">', page)
     assert (len(pictures), len(charts)) == (8, 2)
     assert all(re.search(r'alt="[^"]{10,}"', picture) for picture in pictures)
 
 
-def test_what_is_not_known_of_a_case_is_left_out() -> None:
+def test_what_is_not_known_of_a_case_is_left_out():
     assert list(about({"surface": "white"})) == ["Surface"]
     known = about({"surface": None, "scan_age": 28.0, "hemi": None, "cell_size": 0.6})
     assert known == {"Age at scan": "28 weeks", "Shape": "whole brain", "Cell size": "0.6 mm"}
 
 
-def test_a_figure_takes_the_colours_of_the_page() -> None:
+def test_a_figure_takes_the_colours_of_the_page():
     svg = '<?xml?><svg id="a"><metadata>date</metadata><path style="stroke: #000000" clip-path="url(#a)"/></svg>'
     drawn = embedded(svg, "one")
     assert drawn.startswith("<svg aria-hidden") and "date" not in drawn

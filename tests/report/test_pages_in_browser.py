@@ -116,7 +116,7 @@ def cases(page: Page) -> list[str]:
 
 
 @pytest.mark.parametrize("name", PAGES)
-def test_everybody_can_read_a_page_that_asks_for_nothing(opened: Callable[..., Seen], name: str) -> None:
+def test_everybody_can_read_a_page_that_asks_for_nothing(opened, name):
     seen = opened(name)
     assert [url for url in seen.requests if not url.startswith("data:")] == [seen.page.url]
     assert seen.errors == []
@@ -130,7 +130,7 @@ def test_everybody_can_read_a_page_that_asks_for_nothing(opened: Callable[..., S
         assert ground > 200 if scheme == "light" else ground < 60
 
 
-def test_without_scripts_all_is_there_but_the_view(opened: Callable[..., Seen]) -> None:
+def test_without_scripts_all_is_there_but_the_view(opened):
     page = opened("cohort", java_script_enabled=False).page
     assert cases(page)[:2] == ["y", "e"] and len(cases(page)) == len(WORST) + 2
     assert page.get_by_role("columnheader").count() == 9
@@ -140,7 +140,7 @@ def test_without_scripts_all_is_there_but_the_view(opened: Callable[..., Seen]) 
     assert page.get_by_role("img", name="Input surface from the left").is_visible()
 
 
-def test_a_reader_sorts_filters_and_chooses_columns(opened: Callable[..., Seen]) -> None:
+def test_a_reader_sorts_filters_and_chooses_columns(opened):
     page = opened("cohort").page
     assert cases(page)[:2] == ["y", "e"] and cases(page)[-1] == "z"
     heading = page.get_by_role("columnheader", name="Worst q")
@@ -176,7 +176,7 @@ def test_a_reader_sorts_filters_and_chooses_columns(opened: Callable[..., Seen])
     assert page.get_by_role("heading", level=1).inner_text() == "All cases"
 
 
-def test_the_view_shows_the_boundary_in_its_colours_and_turns(opened: Callable[..., Seen]) -> None:
+def test_the_view_shows_the_boundary_in_its_colours_and_turns(opened):
     page = opened("case").page
     canvas = page.locator("canvas")
     canvas.scroll_into_view_if_needed()
@@ -194,7 +194,7 @@ def test_the_view_shows_the_boundary_in_its_colours_and_turns(opened: Callable[.
     assert page.locator("#picked").inner_text().startswith("q 0.")
 
 
-def test_nothing_that_was_slipped_in_runs(opened: Callable[..., Seen]) -> None:
+def test_nothing_that_was_slipped_in_runs(opened):
     page = opened("failure").page
     page.evaluate("document.body.insertAdjacentHTML('beforeend', '<img src=x onerror=\"window.ran = 1\">')")
     page.evaluate(

@@ -16,7 +16,7 @@ REAL_BRAINS = Path(fold_figures.__file__).parent / "data/real_brains.tsv"
 
 
 @pytest.mark.parametrize("table", [*sorted(DATA.glob("published_*.tsv")), REAL_BRAINS], ids=lambda path: path.stem)
-def test_every_column_is_explained_and_the_source_named(table: Path) -> None:
+def test_every_column_is_explained_and_the_source_named(table):
     with table.open() as file:
         columns = next(csv.reader(file, delimiter="\t"))
     explained = json.loads(table.with_suffix(".json").read_text())
@@ -24,7 +24,7 @@ def test_every_column_is_explained_and_the_source_named(table: Path) -> None:
     assert table == REAL_BRAINS or explained["Source"] == "arXiv:2607.12157"
 
 
-def test_the_tables_are_those_of_the_paper() -> None:
+def test_the_tables_are_those_of_the_paper():
     worst = published.cohort()["q_max"]
     assert (len(worst), worst.min(), worst.median(), worst.max()) == pytest.approx((194, 0.462, 0.508, 0.561), abs=5e-4)
     assert published.resolution().groupby("case")["cell_size_mm"].agg(set).tolist() == 3 * [{0.4, 0.6, 0.8}]
@@ -32,7 +32,7 @@ def test_the_tables_are_those_of_the_paper() -> None:
     assert tuple(published.measures().loc["one_minus_mean_ratio"]) == (0.339, 0.390)
 
 
-def test_the_pooled_distribution_agrees_with_table_1() -> None:
+def test_the_pooled_distribution_agrees_with_table_1():
     middle = (np.arange(200) + 0.5) / 200
     table = published.ablation()
     for stages, row in table[table["mesher"] == "cgal"].set_index("stages").iterrows():
@@ -43,7 +43,7 @@ def test_the_pooled_distribution_agrees_with_table_1() -> None:
         assert middle[counts.nonzero()[0].max()] == pytest.approx(row["q_max_max"], abs=0.0035)
 
 
-def test_numbers_of_real_brains_fit_together() -> None:
+def test_numbers_of_real_brains_fit_together():
     brains = fold_figures.real_brains()
     assert brains["gestational_age_weeks"].between(22, 42).all()
     assert brains["gyrification_index"].between(1, 1.6).all()

@@ -38,7 +38,7 @@ def orange(image: np.ndarray) -> int:
     return int(((red > 1.8 * green) & (red > 3 * blue) & (red > 60)).sum())
 
 
-def test_a_cut_mesh_fills_the_picture_and_elements_beyond_the_limit_stand_out(tmp_path: Path) -> None:
+def test_a_cut_mesh_fills_the_picture_and_elements_beyond_the_limit_stand_out(tmp_path):
     good = cube_mesh(4, side=10.0)
     for mesh, is_bad in ((good, False), (TetMesh(good.points * [1, 1, 0.2], good.cells), True)):
         picture(mesh, tmp_path / "a.png", size=(400, 300))
@@ -49,7 +49,7 @@ def test_a_cut_mesh_fills_the_picture_and_elements_beyond_the_limit_stand_out(tm
         assert is_bad or (drawn.any(axis=1).mean() > 0.9 and drawn[150].sum() > 150), "from top to bottom"
 
 
-def test_the_cut_can_lie_anywhere_along_any_axis_and_its_plane_is_named(tmp_path: Path) -> None:
+def test_the_cut_can_lie_anywhere_along_any_axis_and_its_plane_is_named(tmp_path):
     words = []
     for axis in ("x", "y", "z"):
         picture(cube_mesh(4, side=10.0), tmp_path / "a.png", axis=axis, position=0.3, size=(400, 300))
@@ -61,7 +61,7 @@ def test_the_cut_can_lie_anywhere_along_any_axis_and_its_plane_is_named(tmp_path
         picture(cube_mesh(2), tmp_path / "b.png", size=(0, 300))
 
 
-def test_a_side_shows_the_mesh_from_there(tmp_path: Path) -> None:
+def test_a_side_shows_the_mesh_from_there(tmp_path):
     """A slab that is 6 mm long in y, 3 mm in x and 1 mm in z: each side has a shape of its own."""
     mesh = cube_mesh(3, side=6.0)
     slab = replace(mesh, points=mesh.points * [0.5, 1, 1 / 6])
@@ -74,7 +74,7 @@ def test_a_side_shows_the_mesh_from_there(tmp_path: Path) -> None:
     assert shape == pytest.approx({"left": 6, "front": 3, "top": 0.5}, rel=0.2)  # edges have a width
 
 
-def test_regions_have_their_colours_and_a_mesh_without_any_is_refused(tmp_path: Path) -> None:
+def test_regions_have_their_colours_and_a_mesh_without_any_is_refused(tmp_path):
     mesh = cube_mesh(3, side=6.0)
     with pytest.raises(InputError, match="no regions"):
         picture(mesh, tmp_path / "a.png", regions=True)
@@ -85,7 +85,7 @@ def test_regions_have_their_colours_and_a_mesh_without_any_is_refused(tmp_path: 
     assert min(orange, blue) > 10_000
 
 
-def test_a_picture_has_a_scale_bar_before_it_and_says_where_anterior_is() -> None:
+def test_a_picture_has_a_scale_bar_before_it_and_says_where_anterior_is():
     points = cube_mesh(4, side=50.0).points
     bar = _bar(points, 1, 1)
     assert np.abs(bar[1] - bar[0]).tolist() == [10, 0, 0]
@@ -97,7 +97,7 @@ def test_a_picture_has_a_scale_bar_before_it_and_says_where_anterior_is() -> Non
         assert _directions(plotter.camera)[0] == "anterior on the left"
 
 
-def test_a_section_has_the_colours_of_its_regions_the_area_of_the_cut_and_axes_that_say_anterior() -> None:
+def test_a_section_has_the_colours_of_its_regions_the_area_of_the_cut_and_axes_that_say_anterior():
     mesh = cube_mesh(4, side=10.0)
     assert middle_of(mesh, "coronal") == 5.0
     region = np.where(mesh.points[mesh.cells].mean(axis=1)[:, 2] > 5, 1, 2)
@@ -116,14 +116,14 @@ def _area(ring: np.ndarray) -> float:
     return abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1))) / 2
 
 
-def test_open_edges_of_a_surface_are_orange() -> None:
+def test_open_edges_of_a_surface_are_orange():
     ball = ball_surface(3)
     opened = TriSurface(ball.points, ball.faces[ball.points[ball.faces, 0].mean(axis=1) > -0.7])
     whole, torn = (surface_view(one, side="L", size=(300, 225)) for one in (ball, opened))
     assert orange(whole) == 0 < orange(torn)
 
 
-def test_maps_have_their_own_colours() -> None:
+def test_maps_have_their_own_colours():
     ball = ball_surface(3)
     figure = maps_figure(ball, {"height": ball.points[:, 2], "side": ball.points[:, 0]})
     bars = [axis.get_ylabel() for axis in figure.axes if not axis.images]

@@ -32,7 +32,7 @@ def cells(page: str, tag: str) -> list[str]:
     return re.findall(rf"<{tag}[^>]*>([^<]*)</{tag}>", page)
 
 
-def test_every_form_has_the_cells_and_explains_the_columns(tmp_path: Path) -> None:
+def test_every_form_has_the_cells_and_explains_the_columns(tmp_path):
     written = texts(tmp_path)
     assert written[".tsv"].splitlines() == ["name\tvalue", "a & b\t1.25", "c > d ± e 1-2 |\tn/a"]
     assert list(json.loads(written[".json"])) == ["name", "value"]
@@ -44,7 +44,7 @@ def test_every_form_has_the_cells_and_explains_the_columns(tmp_path: Path) -> No
     assert re.findall(r'<tr(?: class="(\w+)")?>', written[".html"]) == ["", "", "rule"]
 
 
-def test_latex_is_escaped_and_has_rules_between_groups(tmp_path: Path) -> None:
+def test_latex_is_escaped_and_has_rules_between_groups(tmp_path):
     latex = texts(tmp_path)[".tex"]
     assert r"\begin{tabular}{@{}lr@{}}" in latex and r"$q_\mathrm{max}$ & v (mm) \tabularnewline" in latex
     assert r"a \& b & 1.2 \tabularnewline" in latex
@@ -52,7 +52,7 @@ def test_latex_is_escaped_and_has_rules_between_groups(tmp_path: Path) -> None:
     assert latex.index(r"\toprule") < latex.index(r"\bottomrule") and latex.count(r"\midrule") == 2
 
 
-def test_numbers_stand_at_the_right_and_have_a_minus_sign(tmp_path: Path) -> None:
+def test_numbers_stand_at_the_right_and_have_a_minus_sign(tmp_path):
     columns = (Column("case", heading="Case"), Column("v", heading="slope & 1 - h", form=lambda row: row["v"]))
     rows = [{"case": "a-1", "v": "-2.90 ± 0.01"}, {"case": "b-1", "v": "-3.1 [-3.2--2.9]"}, {"case": "c", "v": "n/a"}]
     written = texts(tmp_path, Table("Slopes", columns, first=()), pd.DataFrame(rows))
@@ -63,7 +63,7 @@ def test_numbers_stand_at_the_right_and_have_a_minus_sign(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("count", [0, 99])
-def test_nothing_of_a_large_table_is_left_out_and_an_empty_one_has_its_headings(count: int, tmp_path: Path) -> None:
+def test_nothing_of_a_large_table_is_left_out_and_an_empty_one_has_its_headings(count, tmp_path):
     rows = pd.DataFrame({"name": [f"case {number} {'long ' * 50}" for number in range(count)], "value": 1.0})
     with pd.option_context("styler.render.max_elements", 8):
         written = texts(tmp_path, rows=rows)
@@ -72,14 +72,14 @@ def test_nothing_of_a_large_table_is_left_out_and_an_empty_one_has_its_headings(
         assert len(set(re.findall(r"case (\d+)( long){50}", written[form]))) == count
 
 
-def test_without_headings_readers_see_what_the_tsv_has_whatever_the_names(tmp_path: Path) -> None:
+def test_without_headings_readers_see_what_the_tsv_has_whatever_the_names(tmp_path):
     columns = (Column("class", "Name"), Column("attributes", "Worst q", limit="< 0.6", heading="Worst", form=".1f"))
     page = texts(tmp_path, Table("Quality", columns), pd.DataFrame([{"class": "a", "attributes": 4 / 9}]))[".html"]
     assert cells(page, "th") == ["class", "attributes", "a"] and cells(page, "td") == ["0.444444"]
     assert "<dt>attributes</dt><dd>Worst q; threshold: &lt; 0.6</dd>" in page
 
 
-def test_numbers_are_given_as_the_paper_gives_them() -> None:
+def test_numbers_are_given_as_the_paper_gives_them():
     assert mean_and_sd(0.1349, 0.001) == "0.135 ± 0.001"
     assert mean_and_sd(0.1349, 0.0004) == "0.1349 ± 0.0004"  # never "± 0.000"
     assert mean_and_sd(37.57, 22.15, 2) == "38 ± 22" and mean_and_sd(9452.0, 602.0, 0) == "9,452 ± 602"

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -84,7 +82,7 @@ def field_not_finite(mesh: TetMesh) -> TetMesh:
     return replace(mesh, point_data={**mesh.point_data, "thickness": values})
 
 
-def test_a_whole_mesh_breaks_nothing() -> None:
+def test_a_whole_mesh_breaks_nothing():
     assert broken_conventions(full_mesh()) == []
 
 
@@ -103,9 +101,7 @@ def test_a_whole_mesh_breaks_nothing() -> None:
         (field_not_finite, "thickness.*finite"),
     ],
 )
-def test_each_broken_convention_is_named_and_nothing_is_written(
-    breakage: Callable[[TetMesh], TetMesh], word: str, tmp_path: Path
-) -> None:
+def test_each_broken_convention_is_named_and_nothing_is_written(breakage, word, tmp_path):
     broken = breakage(full_mesh())
     found = broken_conventions(broken)
     assert re.search(word, found[0]) and (len(found) == 1 or breakage in (swapped_node_pair, wrong_sign)), found

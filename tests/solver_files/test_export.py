@@ -6,7 +6,6 @@ import hashlib
 import json
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,7 +26,7 @@ CERTIFIED = {"certified": True, "reasons": []}
 REFUSED = {"certified": False, "reasons": ["worst q 0.8 must be below 0.6"]}
 
 
-def test_an_uncertified_mesh_is_written_only_on_demand(tmp_path: Path) -> None:
+def test_an_uncertified_mesh_is_written_only_on_demand(tmp_path):
     mesh, _ = surface_nodes_first(ball_mesh())
     with pytest.raises(StageError, match="worst q 0.8"):
         export(mesh, tmp_path / "ball.mesh", solver="braingrowth", certificate=REFUSED)
@@ -36,7 +35,7 @@ def test_an_uncertified_mesh_is_written_only_on_demand(tmp_path: Path) -> None:
     assert (tmp_path / "ball.mesh").exists()
 
 
-def test_the_sidecar_says_what_is_in_the_file_and_where_it_came_from(tmp_path: Path) -> None:
+def test_the_sidecar_says_what_is_in_the_file_and_where_it_came_from(tmp_path):
     source = tmp_path / "thickness.shape.gii"
     source.write_bytes(b"values")
     sources = {
@@ -64,7 +63,7 @@ def test_the_sidecar_says_what_is_in_the_file_and_where_it_came_from(tmp_path: P
     assert record["fields"]["normal"]["units"] == "unknown" and record["fields"]["normal"]["components"] == 3
 
 
-def test_an_export_replaces_all_files_of_an_earlier_one(tmp_path: Path) -> None:
+def test_an_export_replaces_all_files_of_an_earlier_one(tmp_path):
     path = tmp_path / "m.pts"
     export(full_mesh(), path, solver="carp", certificate=CERTIFIED)
     assert (tmp_path / "m.area_V1.vtx").exists() and (tmp_path / "m.thickness.dat").exists()
@@ -79,7 +78,7 @@ def test_an_export_replaces_all_files_of_an_earlier_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("solver", [name for name, form in FORMATS.items() if form.has_q])
-def test_files_for_viewers_have_q_measured_anew(solver: str, tmp_path: Path) -> None:
+def test_files_for_viewers_have_q_measured_anew(solver, tmp_path):
     mesh = full_mesh()
     vtu.write(replace(mesh, cell_data={**mesh.cell_data, "q": np.ones(len(mesh.cells))}), tmp_path / "m.vtu")
     file = tmp_path / f"n{FORMATS[solver].suffix}"
@@ -90,7 +89,7 @@ def test_files_for_viewers_have_q_measured_anew(solver: str, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("target", [name for name, form in FORMATS.items() if name != "vtu"])
-def test_every_format_is_made_of_another_and_what_it_lacks_is_told(tmp_path: Path, target: str) -> None:
+def test_every_format_is_made_of_another_and_what_it_lacks_is_told(tmp_path, target):
     source = tmp_path / "m.xdmf"
     frame = CoordinateFrame("NIFTI_XFORM_SCANNER_ANAT")
     sources = {"thickness": FieldSource("thickness.shape.gii", "0" * 64, "mm", "scalar", {})}
@@ -115,7 +114,7 @@ def test_every_format_is_made_of_another_and_what_it_lacks_is_told(tmp_path: Pat
         assert record["fields"]["thickness"]["source"] == "thickness.shape.gii"
 
 
-def test_conversion_renumbers_and_names_sets_where_they_are_missing(tmp_path: Path) -> None:
+def test_conversion_renumbers_and_names_sets_where_they_are_missing(tmp_path):
     mesh, _ = surface_nodes_first(ball_mesh())
     last = len(mesh.points) - 1
     swap = np.r_[last, np.arange(1, last), 0]
@@ -128,9 +127,7 @@ def test_conversion_renumbers_and_names_sets_where_they_are_missing(tmp_path: Pa
     ("suffix", "written"),
     [(".inp", ("dicke,", "dicke_2,", "NSET=grosse")), (".feb", ('"dicke"', '"dicke_2"', '"grosse"'))],
 )
-def test_names_in_other_letters_become_plain_ones_and_this_is_told(
-    tmp_path: Path, suffix: str, written: tuple[str, ...]
-) -> None:
+def test_names_in_other_letters_become_plain_ones_and_this_is_told(tmp_path, suffix, written):
     mesh = surface_nodes_first(ball_mesh(2))[0]
     fields = {"dïcke": np.ones(len(mesh.points)), "dicke": np.zeros(len(mesh.points))}
     sets = MeshSets({"größe": np.arange(3, dtype=np.int32)})
@@ -144,7 +141,7 @@ def test_names_in_other_letters_become_plain_ones_and_this_is_told(
 
 
 @pytest.mark.parametrize("faces", [True, False])
-def test_sets_are_kept_on_the_way_to_another_format(tmp_path: Path, faces: bool) -> None:
+def test_sets_are_kept_on_the_way_to_another_format(tmp_path, faces):
     """Also of a VTU file that another program wrote: sets of nodes and tetrahedra, none of faces."""
     mesh = full_mesh()
     given = mesh if faces else replace(mesh, sets=MeshSets(mesh.sets.nodes, {}, mesh.sets.cells))
@@ -160,7 +157,7 @@ def test_sets_are_kept_on_the_way_to_another_format(tmp_path: Path, faces: bool)
     assert set(surfaces) == {*mesh.sets.faces}
 
 
-def test_a_surface_becomes_no_mesh(tmp_path: Path) -> None:
+def test_a_surface_becomes_no_mesh(tmp_path):
     stl.write(ball_surface(1), tmp_path / "ball.stl")
     convert(tmp_path / "ball.stl", tmp_path / "ball.surf.gii")
     assert len(read_surface(tmp_path / "ball.surf.gii").faces) == 80
@@ -169,9 +166,7 @@ def test_a_surface_becomes_no_mesh(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("m", 1e-3), ("cm", 0.1), ("um", 1e3)])
-def test_a_foreign_mesh_in_another_unit_is_refused_until_its_unit_is_named(
-    tmp_path: Path, unit: str, factor: float
-) -> None:
+def test_a_foreign_mesh_in_another_unit_is_refused_until_its_unit_is_named(tmp_path, unit, factor):
     ball = ball_mesh(2, radius=20.0)
     vtu.write(replace(ball, points=factor * ball.points), tmp_path / "foreign.vtu")
     with pytest.raises(InputError, match="foreign.vtu: .*--source-unit") as caught:
@@ -181,7 +176,7 @@ def test_a_foreign_mesh_in_another_unit_is_refused_until_its_unit_is_named(
     assert np.allclose(vtu.read(tmp_path / "x.vtu").points, ball.points, rtol=1e-6)
 
 
-def test_inverted_tetrahedra_of_a_foreign_mesh_are_those_of_the_input(tmp_path: Path) -> None:
+def test_inverted_tetrahedra_of_a_foreign_mesh_are_those_of_the_input(tmp_path):
     ball = ball_mesh(2, radius=20.0)
     vtu.write(replace(ball, cells=ball.cells[:, [1, 0, 2, 3]]), tmp_path / "foreign.vtu")
     with pytest.raises(InputError, match="foreign.vtu: .*inverted.*cortet improve"):

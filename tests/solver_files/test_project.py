@@ -98,7 +98,7 @@ def heights() -> NDArray[np.float64]:
     return np.asarray(read_surface("x.surf.gii").points[:, 2])
 
 
-def test_all_fields_come_back_by_their_names(folder: Path, mesh: TetMesh) -> None:
+def test_all_fields_come_back_by_their_names(folder, mesh):
     write(mesh, "r.vtu")
     before = {file.name: file.read_bytes() for file in folder.iterdir()}
     found = projected("r.vtu")
@@ -113,7 +113,7 @@ def test_all_fields_come_back_by_their_names(folder: Path, mesh: TetMesh) -> Non
     assert not set(found) & {"cortical_surface", "core", "cortex"}
 
 
-def test_another_order_and_unit_give_the_same(mesh: TetMesh) -> None:
+def test_another_order_and_unit_give_the_same(mesh):
     write(mesh, "r.vtu")
     write(mesh, "other.vtu", order=np.random.default_rng(0).permutation(len(mesh.points)), scale=1e-3)
     one, other = projected("r.vtu"), projected("other.vtu", out="other.func.gii")
@@ -121,7 +121,7 @@ def test_another_order_and_unit_give_the_same(mesh: TetMesh) -> None:
     assert all(np.array_equal(one[name], other[name]) for name in one)
 
 
-def test_depth_is_one_or_a_range(mesh: TetMesh) -> None:
+def test_depth_is_one_or_a_range(mesh):
     write(mesh, "r.vtu")
     for depth, middle in (("2", 2), ("1:5", 3)):
         assert np.abs(projected("r.vtu", "--depth", depth)["T"] - (1 - middle / RADIUS) * heights()).max() < 0.25
@@ -153,9 +153,7 @@ def collection(mesh: TetMesh, path: str, times: Sequence[float] = (0.5, 1.0)) ->
 @pytest.mark.parametrize(
     ("times", "names"), [((0.5, 1.0), ["0.5", "1"]), ((1.0, 1 + 1e-11), ["0", "1"]), ((0.0, 1.0, 1.0), ["0", "1", "2"])]
 )
-def test_a_series_has_an_array_for_each_time_or_else_for_each_step(
-    mesh: TetMesh, name: str, make: Callable[..., None], times: Sequence[float], names: list[str]
-) -> None:
+def test_a_series_has_an_array_for_each_time_or_else_for_each_step(mesh, name, make, times, names):
     make(mesh, name, times)
     if name == "r.pvd" and len(times) == 3:  # two files that say they are of one time
         assert project(name, "--mesh", "x.vtu", "-o", "r.func.gii") == 1
@@ -168,14 +166,14 @@ def test_a_series_has_an_array_for_each_time_or_else_for_each_step(
 
 
 @pytest.mark.parametrize("name", ["r.vtk", "r.xdmf", "r.msh", "r.med"])
-def test_what_meshio_writes_is_read(mesh: TetMesh, folder: Path, name: str) -> None:
+def test_what_meshio_writes_is_read(mesh, folder, name):
     made = meshio.Mesh(mesh.points, [("tetra", mesh.cells)], {"T": mesh.points[:, 2].copy()})
     made.write(name, **({"file_format": "gmsh"} if name == "r.msh" else {}))
     (only,) = (values for key, values in projected(name).items() if key.startswith("T"))
     assert np.abs(only - heights()).max() < 1.0
 
 
-def test_midside_nodes_and_other_cells_are_left_out(mesh: TetMesh, folder: Path) -> None:
+def test_midside_nodes_and_other_cells_are_left_out(mesh, folder):
     assert main(["quadratic", "x.vtu", "-o", "ten.vtu"]) == 0
     ten = pyvista.read("ten.vtu")
     ten.point_data["T"] = ten.points[:, 2]
@@ -210,9 +208,7 @@ WRONG: dict[str, tuple[Callable[[TetMesh], object], str]] = {
 
 
 @pytest.mark.parametrize("case", WRONG)
-def test_what_does_not_belong_together_is_refused(
-    mesh: TetMesh, folder: Path, capfd: pytest.CaptureFixture[str], case: str
-) -> None:
+def test_what_does_not_belong_together_is_refused(mesh, folder, capfd, case):
     write(mesh, "r.vtu")
     make, word = WRONG[case]
     make(mesh)
@@ -223,9 +219,7 @@ def test_what_does_not_belong_together_is_refused(
     assert not list(folder.glob("*r.func.gii*"))
 
 
-def test_a_named_surface_takes_the_place_of_that_of_the_sidecar(
-    mesh: TetMesh, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_named_surface_takes_the_place_of_that_of_the_sidecar(mesh, folder, capsys):
     write(mesh, "r.vtu")
     own = projected("r.vtu", out="own.func.gii")["T"]
     write_surface(ball_surface(3, 3 * RADIUS), "inflated.surf.gii")
@@ -239,7 +233,7 @@ def test_a_named_surface_takes_the_place_of_that_of_the_sidecar(
     assert projected("r.vtu", "--surface", "x.surf.gii")["T"] == pytest.approx(own, abs=0.1)
 
 
-def test_an_inner_surface_and_another_unit_are_found(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_inner_surface_and_another_unit_are_found(folder, monkeypatch):
     surfaces = {"outer": ball_surface(3, RADIUS), "inner": ball_surface(3, 8.0)}
     for name, surface in surfaces.items():
         write_surface(TriSurface(surface.points / 1000, surface.faces), f"{name}.surf.gii")
@@ -252,7 +246,7 @@ def test_an_inner_surface_and_another_unit_are_found(folder: Path, monkeypatch: 
         assert np.abs(found["u_1"] - surfaces[name].points[:, 0]).max() < 1.0
 
 
-def test_tensors_are_known_by_their_numbers(mesh: TetMesh, folder: Path) -> None:
+def test_tensors_are_known_by_their_numbers(mesh, folder):
     made = grid(mesh.points, mesh.cells)
     made.point_data["s"] = np.tile([1.0, 2, 3, 4, 5, 6], (len(mesh.points), 1))
     made.point_data["s_pressure"] = np.full(len(mesh.points), 7.0)
@@ -264,9 +258,7 @@ def test_tensors_are_known_by_their_numbers(mesh: TetMesh, folder: Path) -> None
     assert found["s_pressure"] == pytest.approx(7) and found["s_pressure_2"] == pytest.approx(-2)
 
 
-def test_a_node_that_does_not_exist_and_a_reader_that_breaks_down_are_refused(
-    mesh: TetMesh, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_node_that_does_not_exist_and_a_reader_that_breaks_down_are_refused(mesh, folder, capsys, monkeypatch):
     """Of damaged `.vtk` files, 4 in 10 end VTK with a signal."""
     made = grid(mesh.points, mesh.cells)
     made.point_data["T"] = mesh.points[:, 2]
@@ -286,7 +278,7 @@ def test_a_node_that_does_not_exist_and_a_reader_that_breaks_down_are_refused(
 # --- relative depth, parcels, the common sphere, matrices
 
 
-def test_a_relative_depth_is_a_part_of_the_thickness(folder: Path, mesh: TetMesh) -> None:
+def test_a_relative_depth_is_a_part_of_the_thickness(folder, mesh):
     write(mesh, "r.vtu")
     half = projected("r.vtu", "--depth", "50%", "--thickness", "4")["T"]
     assert half == pytest.approx(projected("r.vtu", "--depth", "2")["T"])
@@ -297,7 +289,7 @@ def test_a_relative_depth_is_a_part_of_the_thickness(folder: Path, mesh: TetMesh
     assert not Path("no.func.gii").exists()
 
 
-def test_the_thickness_of_the_mesh_differs_from_vertex_to_vertex(folder: Path, mesh: TetMesh) -> None:
+def test_the_thickness_of_the_mesh_differs_from_vertex_to_vertex(folder, mesh):
     x = read_surface("x.surf.gii").points[:, 0]
     write_fields({"thickness": np.where(x > 0, 2.0, 6.0)}, "t.shape.gii")
     made = ["mesh", "x.surf.gii", "--ga", "28", "--cell-size", "3.5", "--field", "thickness=t.shape.gii", "-o", "t.vtu"]
@@ -313,7 +305,7 @@ def parcel_rows() -> list[list[str]]:
     return [line.split("\t") for line in Path("r.parcels.tsv").read_text().splitlines()]
 
 
-def test_parcels_have_their_means_in_a_table(folder: Path, mesh: TetMesh) -> None:
+def test_parcels_have_their_means_in_a_table(folder, mesh):
     write(mesh, "r.vtu")
     write_fields({"half": (heights() > 0).astype(np.int32)}, "p.label.gii")
     projected("r.vtu", "--parcels", "p.label.gii")
@@ -326,7 +318,7 @@ def test_parcels_have_their_means_in_a_table(folder: Path, mesh: TetMesh) -> Non
     assert project("r.vtu", "--mesh", "x.vtu", "-o", "w.func.gii", "--parcels", "wrong.label.gii") == 1
 
 
-def test_the_result_goes_to_a_common_sphere(folder: Path, mesh: TetMesh) -> None:
+def test_the_result_goes_to_a_common_sphere(folder, mesh):
     write(mesh, "r.vtu")
     write_surface(ball_surface(3, 100.0), "own.surf.gii")
     write_surface(ball_surface(2, 100.0), "t.surf.gii")
@@ -336,7 +328,7 @@ def test_the_result_goes_to_a_common_sphere(folder: Path, mesh: TetMesh) -> None
         assert project("r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii", *wrong, "--force") == 1
 
 
-def test_labels_stay_labels_on_every_way(folder: Path, mesh: TetMesh) -> None:
+def test_labels_stay_labels_on_every_way(folder, mesh):
     made = grid(mesh.points, mesh.cells)
     made.point_data["of_nodes"] = np.where(mesh.points[:, 2] > 0, 9, 2)
     made.cell_data["of_cells"] = np.where(mesh.points[mesh.cells].mean(axis=1)[:, 2] > 0, 9, 2)
@@ -351,16 +343,14 @@ def test_labels_stay_labels_on_every_way(folder: Path, mesh: TetMesh) -> None:
         assert {value for _, _, value in parcel_rows()[1:]} <= {"2", "9"}
 
 
-def test_parcels_of_one_name_are_one_parcel() -> None:
+def test_parcels_of_one_name_are_one_parcel():
     parcels = Parcels(np.array([1, 2, 3, 3]), {1: "insula", 2: "insula"}, np.array([1.0, 3.0, 1.0, 1.0]))
     assert parcels.means(np.array([4.0, 8.0, 5.0, np.nan])) == {"3": 5.0, "insula": 7.0}
     assert parcels.labels(np.array([4, 8, 5, 5])) == {"3": 5, "insula": 8}
 
 
 @pytest.mark.parametrize("option", ["--parcels", "--sphere", "--template-sphere", "--surface"])
-def test_files_of_the_other_hemisphere_are_refused(
-    folder: Path, mesh: TetMesh, capsys: pytest.CaptureFixture[str], option: str
-) -> None:
+def test_files_of_the_other_hemisphere_are_refused(folder, mesh, capsys, option):
     write(mesh, "r.vtu")
     for name in ("own", "right"):
         write_surface(ball_surface(3, 100.0 if "sphere" in option else RADIUS), f"{name}.surf.gii")
@@ -376,7 +366,7 @@ def test_files_of_the_other_hemisphere_are_refused(
     assert not list(folder.glob("r.*.gii")) and not list(folder.glob("r.*.tsv"))
 
 
-def test_sets_are_no_results(folder: Path, mesh: TetMesh) -> None:
+def test_sets_are_no_results(folder, mesh):
     result = pyvista.read("x.vtu")  # as users make one: the mesh, with a field
     result["height"] = result.points[:, 2]
     result.save("r.vtu")
@@ -386,7 +376,7 @@ def test_sets_are_no_results(folder: Path, mesh: TetMesh) -> None:
     assert set(projected("s.vtu")) == {"height", "q"}
 
 
-def test_a_result_of_calculix_is_read(folder: Path, mesh: TetMesh) -> None:
+def test_a_result_of_calculix_is_read(folder, mesh):
     calculix = pytest.importorskip("pyvista_frd")
     result = grid(mesh.points, mesh.cells)
     result["DISP"] = mesh.points
@@ -394,14 +384,14 @@ def test_a_result_of_calculix_is_read(folder: Path, mesh: TetMesh) -> None:
     assert np.abs(projected("r.frd")["DISP_3"] - heights()).max() < 0.6
 
 
-def test_a_frame_of_a_fold_is_projected_where_its_nodes_began(folder: Path, mesh: TetMesh) -> None:
+def test_a_frame_of_a_fold_is_projected_where_its_nodes_began(folder, mesh):
     words = ["--ga", "28", "--end", "28.2", "--surfaces", "28.2", "--force"]  # no brain is so small
     assert main(["fold", "x.vtu", *words, "-o", "folded"]) == 0
     last = max(Path("folded/frames").glob("*.vtu"))
     assert {"displacement_1", "stress_principal_1", "stretch", "J"} <= set(projected(str(last)))
 
 
-def test_a_displacement_of_a_solver_is_no_frame_of_a_fold(folder: Path, mesh: TetMesh) -> None:
+def test_a_displacement_of_a_solver_is_no_frame_of_a_fold(folder, mesh):
     """dolfinx writes its nodes where they began, in an order of its own; at a node it may be unknown."""
     order = np.random.default_rng(1).permutation(len(mesh.points))
     result = grid(mesh.points[order], np.argsort(order)[mesh.cells])
@@ -413,7 +403,7 @@ def test_a_displacement_of_a_solver_is_no_frame_of_a_fold(folder: Path, mesh: Te
     assert known.mean() > 0.9 and np.abs(moved - 0.1 * heights() - 1)[known].max() < 0.1
 
 
-def test_a_mesh_may_come_with_its_matrices(folder: Path) -> None:
+def test_a_mesh_may_come_with_its_matrices(folder):
     Path("map.yaml").write_text("export: {map: true}")
     made = ["mesh", "x.surf.gii", "--ga", "28", "--cell-size", "3.5", "--config", "map.yaml", "-o", "m.mesh"]
     assert main(made) == 0

@@ -63,7 +63,7 @@ def determinants(curved: QuadraticMesh, places: np.ndarray) -> np.ndarray:
     return np.array(found).T
 
 
-def test_a_ball_gets_its_volume_back(ball: tuple[TetMesh, TriSurface]) -> None:
+def test_a_ball_gets_its_volume_back(ball):
     mesh, surface = ball
     curved = quadratic(mesh, surface)
     corners, middles = np.split(curved.points, [len(mesh.points)])
@@ -77,7 +77,7 @@ def test_a_ball_gets_its_volume_back(ball: tuple[TetMesh, TriSurface]) -> None:
     assert abs(4 / 3 * np.pi - volume) < 0.05 * lost
 
 
-def test_the_bound_holds_everywhere_in_the_element() -> None:
+def test_the_bound_holds_everywhere_in_the_element():
     rng = np.random.default_rng(0)
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     middles = corners[EDGES].mean(axis=1)
@@ -94,7 +94,7 @@ def test_the_bound_holds_everywhere_in_the_element() -> None:
     assert (bounds <= at_corners + 1e-12).all()
 
 
-def test_an_element_that_would_not_be_valid_stays_straight(ball: tuple[TetMesh, TriSurface]) -> None:
+def test_an_element_that_would_not_be_valid_stays_straight(ball):
     mesh, surface = ball
     # pull the surface in at one place, deeper than the elements below it are high
     pole = surface.points @ [0, 0, 1]
@@ -105,7 +105,7 @@ def test_an_element_that_would_not_be_valid_stays_straight(ball: tuple[TetMesh, 
     assert determinants(curved, np.vstack([np.eye(4), RULE])).min() > 0
 
 
-def test_faces_that_would_cross_stay_straight() -> None:
+def test_faces_that_would_cross_stay_straight():
     # two cubes 0.05 apart; the surface of the first bulges into the second, which it lies nearer to then
     one = cube_mesh(2)
     points = np.concatenate([one.points, one.points + np.array([1.05, 0, 0])])
@@ -119,7 +119,7 @@ def test_faces_that_would_cross_stay_straight() -> None:
     assert curved.points[curved.cells[: len(one.cells)], 0].max() < 1.05
 
 
-def test_another_surface_than_the_meshed_one_is_refused(ball: tuple[TetMesh, TriSurface]) -> None:
+def test_another_surface_than_the_meshed_one_is_refused(ball):
     """A hundredth of a radius is what smoothing changes; the middles would lie elsewhere than the corners."""
     mesh, surface = ball
     other = replace(surface, points=surface.points * 1.01)
@@ -131,7 +131,7 @@ def test_another_surface_than_the_meshed_one_is_refused(ball: tuple[TetMesh, Tri
             quadratic(mesh, other, max_boundary_distance=none)
 
 
-def test_the_nodes_of_an_interface_are_checked_too() -> None:
+def test_the_nodes_of_an_interface_are_checked_too():
     mesh = cube_mesh(4, side=4.0)
     inner = (np.abs(mesh.points[mesh.cells].mean(axis=1) - 2) < 1).all(axis=1)
     mesh = replace(mesh, cell_data={REGION: 1 + inner.astype(np.int32)})
@@ -143,7 +143,7 @@ def test_the_nodes_of_an_interface_are_checked_too() -> None:
         quadratic(mesh, replace(outer, inner={"white": moved}))
 
 
-def test_inverted_and_overlapping_elements_are_refused(ball: tuple[TetMesh, TriSurface]) -> None:
+def test_inverted_and_overlapping_elements_are_refused(ball):
     mesh, surface = ball
     cells = mesh.cells.copy()
     cells[::3] = cells[::3][:, [1, 0, 2, 3]]
@@ -174,7 +174,7 @@ def by_xml(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return points, np.array([rows[number].split(",") for number in sorted(rows)], int) - 1, depth[:, 0]
 
 
-def test_gmsh_measures_the_jacobian_that_was_certified(ball: tuple[TetMesh, TriSurface], tmp_path: Path) -> None:
+def test_gmsh_measures_the_jacobian_that_was_certified(ball, tmp_path):
     mesh, surface = ball
     curved = quadratic(mesh, surface)
     write_ten_nodes(named_sets(mesh, cortex_depth=0.3), curved, tmp_path / "ball.msh")
@@ -194,7 +194,7 @@ def test_gmsh_measures_the_jacobian_that_was_certified(ball: tuple[TetMesh, TriS
 
 
 @pytest.mark.skipif(not shutil.which("ccx"), reason="calculix-ccx is not installed")
-def test_calculix_solves_on_the_curved_ball(ball: tuple[TetMesh, TriSurface], tmp_path: Path) -> None:
+def test_calculix_solves_on_the_curved_ball(ball, tmp_path):
     """Under pressure p a ball shrinks evenly: the displacement of its surface is -p r / 3 K."""
     mesh, surface = ball
     write_ten_nodes(named_sets(mesh, cortex_depth=0.3), quadratic(mesh, surface), tmp_path / "ball.inp")
@@ -220,7 +220,7 @@ def test_calculix_solves_on_the_curved_ball(ball: tuple[TetMesh, TriSurface], tm
 
 
 @pytest.mark.parametrize("suffix", [".inp", ".feb", ".vtu", ".msh", ".xdmf"])
-def test_programs_find_the_ten_node_mesh(ball: tuple[TetMesh, TriSurface], tmp_path: Path, suffix: str) -> None:
+def test_programs_find_the_ten_node_mesh(ball, tmp_path, suffix):
     """Elements, nodes, fields and sets; the table of names stands beside it."""
     mesh, surface = ball
     mesh = named_sets(replace(mesh, point_data={"depth": mesh.points[:, 0] + 2}), cortex_depth=0.3)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import meshio
 import numpy as np
@@ -30,7 +29,7 @@ CERTIFIED = {"certified": True, "reasons": []}
 READ = ["vtu", "abaqus", "fenics", "gmsh", "nastran", "carp"]
 
 
-def test_ten_nodes_for_gmsh_have_each_triangle_once_and_the_names_of_regions(tmp_path: Path) -> None:
+def test_ten_nodes_for_gmsh_have_each_triangle_once_and_the_names_of_regions(tmp_path):
     mesh = model()
     parcels = {"half": np.where(mesh.points[:, 1] < 4, 1, 2).astype(np.int32)}
     mesh = named_sets(replace(mesh, point_data=parcels), inner=["white"], tissues=["tissue"])
@@ -49,7 +48,7 @@ def test_ten_nodes_for_gmsh_have_each_triangle_once_and_the_names_of_regions(tmp
 
 
 @pytest.mark.parametrize("strange", [7, 0, -1, 2**31 - 1, np.nan, 1.5])
-def test_a_region_that_no_surface_bounds_is_refused(strange: float) -> None:
+def test_a_region_that_no_surface_bounds_is_refused(strange):
     mesh = model()
     inner = np.flatnonzero(mesh.cell_data[REGION] == 2)
     within = boundary_surface(TetMesh(*compact(mesh.points, mesh.cells[inner])[:2]))[0]
@@ -64,9 +63,7 @@ def test_a_region_that_no_surface_bounds_is_refused(strange: float) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".pts", ".msh", ".bdf"])
-def test_labels_that_a_file_cannot_hold_beside_its_regions_are_said_and_may_take_their_place(
-    suffix: str, tmp_path: Path
-) -> None:
+def test_labels_that_a_file_cannot_hold_beside_its_regions_are_said_and_may_take_their_place(suffix, tmp_path):
     export(model(), tmp_path / "m.vtu", solver="vtu", certificate=CERTIFIED)
     told = " ".join(convert(tmp_path / "m.vtu", tmp_path / f"m{suffix}", source_unit="mm"))
     assert "tissue_left, tissue_right" in told and "--tags tissue" in told
@@ -75,7 +72,7 @@ def test_labels_that_a_file_cannot_hold_beside_its_regions_are_said_and_may_take
     assert regions(read_mesh(tmp_path / f"n{suffix}")) == {"tissue_left": 3, "tissue_right": 7}
 
 
-def test_python_has_the_same_numbers_and_names(tmp_path: Path) -> None:
+def test_python_has_the_same_numbers_and_names(tmp_path):
     balls = [ball_surface(3, radius=radius) for radius in (10.0, 7.0)]
     made = cortet.mesh(balls[0], 2.0, inner={"white": balls[1]}, progress=False)
     assert made.regions == {"cortex": 1, "white": 2}
@@ -90,7 +87,7 @@ def test_python_has_the_same_numbers_and_names(tmp_path: Path) -> None:
     assert alone.regions == {"cortex": 1, "core": 2}
 
 
-def test_numbers_of_regions_do_not_wrap_and_those_that_no_format_holds_are_refused(tmp_path: Path) -> None:
+def test_numbers_of_regions_do_not_wrap_and_those_that_no_format_holds_are_refused(tmp_path):
     mesh, half = model(), np.arange(384) < 192
     vtu.write(replace(mesh, cell_data={"tissue": np.where(half, 0, 255).astype(np.uint8)}), tmp_path / "in.vtu")
     convert(tmp_path / "in.vtu", tmp_path / "out.bdf", tags="tissue", source_unit="mm")
@@ -103,13 +100,13 @@ def test_numbers_of_regions_do_not_wrap_and_those_that_no_format_holds_are_refus
     assert np.unique(read_mesh(tmp_path / "m.bdf").cell_data[REGION]).tolist() == [1, 10**7 - 2]
 
 
-def test_a_field_does_not_take_the_name_of_a_component(tmp_path: Path) -> None:
+def test_a_field_does_not_take_the_name_of_a_component(tmp_path):
     two = {"two": model().points[:, :2], "two_1": model().points[:, 2]}
     with pytest.raises(InputError, match="two_1, two_2"):
         export(replace(model(), point_data=two), tmp_path / "m.msh", solver="gmsh", certificate=CERTIFIED)
 
 
-def test_surface_groups_of_another_program_are_kept_beside_the_whole_surface(tmp_path: Path) -> None:
+def test_surface_groups_of_another_program_are_kept_beside_the_whole_surface(tmp_path):
     mesh = model()
     group = mesh.sets.faces["cortical_surface"][:10]
     vtu.write(replace(mesh, sets=MeshSets(faces={"inlet": group}, cells=mesh.sets.cells)), tmp_path / "in.vtu")
@@ -119,7 +116,7 @@ def test_surface_groups_of_another_program_are_kept_beside_the_whole_surface(tmp
 
 
 @pytest.mark.parametrize("name", [*FORMATS])
-def test_a_field_of_any_numbers_is_written_or_refused_by_name(name: str, tmp_path: Path) -> None:
+def test_a_field_of_any_numbers_is_written_or_refused_by_name(name, tmp_path):
     mesh, path = model(), tmp_path / f"m{FORMATS[name].suffix}"
     n = len(mesh.points)
     fields = {"flag": np.arange(n) % 2 == 0, "half": (np.arange(n) / 8).astype(np.float16)}
@@ -142,7 +139,7 @@ def test_a_field_of_any_numbers_is_written_or_refused_by_name(name: str, tmp_pat
 
 @pytest.mark.parametrize("name", READ)
 @pytest.mark.parametrize("called", ["a/b", "a\tb", "x" * 81, "a\nb", "..", "", "a.b", "weiße, Substanz"])
-def test_a_name_of_any_letters_is_kept_or_its_change_is_said(name: str, called: str, tmp_path: Path) -> None:
+def test_a_name_of_any_letters_is_kept_or_its_change_is_said(name, called, tmp_path):
     mesh, path = model(), tmp_path / f"m{FORMATS[name].suffix}"
     some = np.arange(5, dtype=np.int32)
     cells = {called if one == "white" else one: part for one, part in mesh.sets.cells.items()}
@@ -155,7 +152,7 @@ def test_a_name_of_any_letters_is_kept_or_its_change_is_said(name: str, called: 
 
 
 @pytest.mark.parametrize("number", [150, 2035])
-def test_febio_has_labels_above_100_by_their_number(number: int, tmp_path: Path) -> None:
+def test_febio_has_labels_above_100_by_their_number(number, tmp_path):
     def written(number: int) -> str:
         region = np.where(model().cell_data[REGION] == 2, number, 1).astype(np.int32)
         mesh = replace(model(), cell_data={REGION: region})
@@ -169,7 +166,7 @@ def test_febio_has_labels_above_100_by_their_number(number: int, tmp_path: Path)
 
 
 @pytest.mark.parametrize("what", ["edited", "deleted", "renamed and edited", "renamed", "as it was"])
-def test_an_export_that_lost_a_companion_or_was_edited_is_said(what: str, tmp_path: Path) -> None:
+def test_an_export_that_lost_a_companion_or_was_edited_is_said(what, tmp_path):
     export(model(), path := tmp_path / "m.pts", solver="carp", certificate=CERTIFIED)
     if what == "deleted":
         (tmp_path / "m.regions.tsv").unlink()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -38,7 +37,7 @@ def made() -> cortet.Mesh:
     return cortet.mesh(pial, H, inner={"white": white}, shell=3.0, progress=False)
 
 
-def test_an_envelope_of_a_ball_is_a_ball() -> None:
+def test_an_envelope_of_a_ball_is_a_ball():
     around = envelope([ball_surface(4, radius=10.0)], 2.0)
     radius = np.linalg.norm(around.points, axis=1)
     assert radius.min() > 11.95 and radius.max() < 12.4
@@ -46,7 +45,7 @@ def test_an_envelope_of_a_ball_is_a_ball() -> None:
     assert surface_topology(around.faces).euler_number == 2
 
 
-def test_an_envelope_spans_a_groove_and_stays_away_from_both_sides() -> None:
+def test_an_envelope_spans_a_groove_and_stays_away_from_both_sides():
     bent = horseshoe(2.0)
     around = envelope([bent], 1.0, closing=4.0)
     assert surface_topology(around.faces).euler_number == 2 and not len(self_intersections(around))
@@ -54,7 +53,7 @@ def test_an_envelope_spans_a_groove_and_stays_away_from_both_sides() -> None:
     assert enclosed_volume(around.points, around.faces) > 1.5 * enclosed_volume(bent.points, bent.faces)
 
 
-def test_an_envelope_holds_two_bodies_and_refuses_those_too_far_apart() -> None:
+def test_an_envelope_holds_two_bodies_and_refuses_those_too_far_apart():
     left = ball_surface(3, radius=5.0)
     right = TriSurface(left.points + np.array([11.0, 0, 0]), left.faces)
     around = envelope([left, right], 1.0)
@@ -65,7 +64,7 @@ def test_an_envelope_holds_two_bodies_and_refuses_those_too_far_apart() -> None:
         envelope([left, far], 1.0)
 
 
-def test_region_0_is_named_after_what_lies_in_it_and_no_two_share_a_name() -> None:
+def test_region_0_is_named_after_what_lies_in_it_and_no_two_share_a_name():
     """Abaqus and others do not tell upper from lower case."""
     for inner, names in (
         (["white"], ["cortex", "white"]),
@@ -85,13 +84,13 @@ def test_region_0_is_named_after_what_lies_in_it_and_no_two_share_a_name() -> No
             region_names(inner)
 
 
-def test_a_hole_is_the_surface_of_its_name_or_else_the_pieces_of_a_label() -> None:
+def test_a_hole_is_the_surface_of_its_name_or_else_the_pieces_of_a_label():
     assert regions_of("deep", ["white", "deep", "deep2"]) == ["deep"]
     assert regions_of("deep", ["white", "deep1", "deep2", "deeper"]) == ["deep1", "deep2"]
     assert regions_of("deep", ["white", "deep2"]) == []
 
 
-def test_holes_and_formats_that_cannot_tell_them_are_refused_together() -> None:
+def test_holes_and_formats_that_cannot_tell_them_are_refused_together():
     for name, form in FORMATS.items():
         require_holes([], name)
         if form.names_faces:
@@ -104,7 +103,7 @@ def test_holes_and_formats_that_cannot_tell_them_are_refused_together() -> None:
         config.require_workflow()
 
 
-def test_the_shell_is_a_certified_region_around_the_cortex(made: cortet.Mesh) -> None:
+def test_the_shell_is_a_certified_region_around_the_cortex(made):
     assert made.certified
     regions = {one.name: one for one in made.certificate.regions}
     assert list(regions) == ["csf", "cortex", "white"]
@@ -115,7 +114,7 @@ def test_the_shell_is_a_certified_region_around_the_cortex(made: cortet.Mesh) ->
     assert [(one.name, one.around) for one in made.certificate.interfaces] == [("cortex", "csf"), ("white", "cortex")]
 
 
-def test_a_brain_without_a_white_surface_has_a_cortex_by_depth(tmp_path: Path) -> None:
+def test_a_brain_without_a_white_surface_has_a_cortex_by_depth(tmp_path):
     made = cortet.mesh(ball_surface(4, radius=10.0), H, shell=3.0, progress=False)
     assert made.certified and [one.name for one in made.certificate.regions] == ["csf", "brain"]
     mesh = vtu.read(made.save(tmp_path / "m.vtu"))
@@ -128,7 +127,7 @@ def test_a_brain_without_a_white_surface_has_a_cortex_by_depth(tmp_path: Path) -
     )
 
 
-def test_fields_of_the_brain_go_with_it_and_its_labels_are_faces_of_it(tmp_path: Path) -> None:
+def test_fields_of_the_brain_go_with_it_and_its_labels_are_faces_of_it(tmp_path):
     ball = ball_surface(4, radius=10.0)
     upper = (ball.points[:, 2] > 0).astype(np.int32)
     made = cortet.mesh(
@@ -140,7 +139,7 @@ def test_fields_of_the_brain_go_with_it_and_its_labels_are_faces_of_it(tmp_path:
     assert set(mesh.sets.cells["half_1"]) < set(mesh.sets.cells["cortex"])
 
 
-def test_coordinates_in_metres_get_a_shell_in_mm() -> None:
+def test_coordinates_in_metres_get_a_shell_in_mm():
     ball = ball_surface(3, radius=10.0)
     metres = TriSurface(ball.points / 1000, ball.faces)
     to_mm = np.diag([1000.0, 1000, 1000, 1]).tolist()
@@ -149,7 +148,7 @@ def test_coordinates_in_metres_get_a_shell_in_mm() -> None:
     assert outer.inner["brain"].points is not None and list(outer.inner) == ["brain"]
 
 
-def test_the_white_surface_gives_way_to_the_pial_one_also_within_a_shell() -> None:
+def test_the_white_surface_gives_way_to_the_pial_one_also_within_a_shell():
     pial, white = ball_surface(4, radius=10.0), ball_surface(4, radius=8.0)
     white = TriSurface(white.points + np.array([1.95, 0, 0]), white.faces)  # 0.05 mm from it
     apart, report = separate(with_shell(nested(pial, {"white": white}), 2.0), cell_size=1.0)
@@ -158,7 +157,7 @@ def test_the_white_surface_gives_way_to_the_pial_one_also_within_a_shell() -> No
     assert moved["cortex"] < 1e-6 and moved["white"] > 0.4
 
 
-def test_a_volume_of_the_brain_alone_is_in_place_within_a_shell(tmp_path: Path) -> None:
+def test_a_volume_of_the_brain_alone_is_in_place_within_a_shell(tmp_path):
     ball = ball_surface(4, radius=10.0)
     inside = np.linalg.norm(np.indices((21, 21, 21)) - 10, axis=0) < 10
     affine = np.eye(4)
@@ -173,7 +172,7 @@ def test_a_volume_of_the_brain_alone_is_in_place_within_a_shell(tmp_path: Path) 
         cortet.mesh(ball, H, shell=3.0, volumes=volumes, progress=False)
 
 
-def test_what_a_shell_does_not_go_with_is_said(made: cortet.Mesh) -> None:
+def test_what_a_shell_does_not_go_with_is_said(made):
     with pytest.raises(InputError, match="cortex"):
         with_shell(nested(ball_surface(3, radius=9), {"cortex": ball_surface(3)}), 2.0)
     with pytest.raises(InputError, match="csf"):
@@ -182,9 +181,7 @@ def test_what_a_shell_does_not_go_with_is_said(made: cortet.Mesh) -> None:
         cortet.mesh(ball_surface(3), H, shell=0.1)
 
 
-def test_the_command_makes_shell_hole_and_records_and_checks_again(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_makes_shell_hole_and_records_and_checks_again(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for name, radius in (("pial", 10.0), ("white", 8.5), ("ventricle", 6.0)):
         write_surface(ball_surface(4, radius=radius), tmp_path / f"{name}.surf.gii")
@@ -222,9 +219,7 @@ def test_the_command_makes_shell_hole_and_records_and_checks_again(
         assert done == (name in ("braingrowth", "stl", "gifti")), name  # which cannot tell a hole from a void
 
 
-def test_an_envelope_from_the_command_is_the_outer_surface_of_two_halves(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_envelope_from_the_command_is_the_outer_surface_of_two_halves(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for side, x in (("L", -6.0), ("R", 6.0)):
         ball = ball_surface(4, radius=5.0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -37,7 +36,7 @@ def made(ball: TriSurface) -> cortet.Mesh:
     return cortet.mesh(ball, cell_size=3.0, settings=UNSMOOTHED, progress=False)
 
 
-def test_coordinates_come_exactly_from_the_surface(made: cortet.Mesh, ball: TriSurface) -> None:
+def test_coordinates_come_exactly_from_the_surface(made, ball):
     nodes = boundary_nodes(made.mesh)
     found = made.from_surface(ball.points)
     assert np.abs(found[nodes] - made.points[nodes]).max() < EXACT
@@ -45,7 +44,7 @@ def test_coordinates_come_exactly_from_the_surface(made: cortet.Mesh, ball: TriS
     assert len(inside) and np.isnan(found[inside]).all()
 
 
-def test_a_linear_field_comes_exactly_to_the_surface(made: cortet.Mesh, ball: TriSurface) -> None:
+def test_a_linear_field_comes_exactly_to_the_surface(made, ball):
     boundary, _ = boundary_surface(made.mesh)
     nearest = closest_points(tree_of(boundary), ball.points).points
     assert np.abs(made.to_surface(made.points) - nearest).max() < EXACT
@@ -53,14 +52,14 @@ def test_a_linear_field_comes_exactly_to_the_surface(made: cortet.Mesh, ball: Tr
     assert made.surface_map().kept.all()
 
 
-def test_there_and_back_changes_little(made: cortet.Mesh, ball: TriSurface) -> None:
+def test_there_and_back_changes_little(made, ball):
     smooth = np.sin(ball.points[:, 0] / RADIUS) + (ball.points[:, 2] / RADIUS) ** 2
     back = made.to_surface(made.from_surface(smooth))
     assert np.abs(back - smooth).max() < 0.05 and np.abs(back - smooth).mean() < 0.02
     assert made.to_surface(made.from_surface(np.ones(len(ball.points)))) == pytest.approx(1, abs=1e-12)
 
 
-def test_values_of_elements_are_averaged_by_volume(made: cortet.Mesh, ball: TriSurface) -> None:
+def test_values_of_elements_are_averaged_by_volume(made, ball):
     assert made.to_surface(np.full((len(made.cells), 2), 3.0)) == pytest.approx(np.full((len(ball.points), 2), 3.0))
     heights = made.points[made.cells].mean(axis=1)[:, 2]
     assert np.abs(made.to_surface(heights) - ball.points[:, 2]).mean() < 1.5
@@ -72,7 +71,7 @@ def test_values_of_elements_are_averaged_by_volume(made: cortet.Mesh, ball: TriS
     assert found.toarray()[0] == pytest.approx(volumes / volumes.sum())
 
 
-def test_labels_are_never_averaged(made: cortet.Mesh) -> None:
+def test_labels_are_never_averaged(made):
     labels = np.where(made.points[:, 0] > 0, 7, 2).astype(np.int32)
     found = made.to_surface(labels)
     assert found.dtype == np.int32 and set(found.tolist()) == {2, 7}
@@ -83,7 +82,7 @@ def test_labels_are_never_averaged(made: cortet.Mesh) -> None:
         assert set(made.to_surface(of_cells, depth=depth).tolist()) == {2, 7}
 
 
-def test_the_label_with_the_most_weight_is_taken() -> None:
+def test_the_label_with_the_most_weight_is_taken():
     """Not that of the largest weight; the smallest in a tie."""
     matrix = csr_array([[0.4, 0.3, 0.3], [0.5, 0.5, 0.0], [0.0, 0.0, 0.0]])
     labels = np.array([9, 2, 2])
@@ -92,7 +91,7 @@ def test_the_label_with_the_most_weight_is_taken() -> None:
     assert np.array_equal(applied(matrix[:2], known, labels=True), [np.nan, 9], equal_nan=True)
 
 
-def test_values_of_a_region_are_averaged_within_it(ball: TriSurface) -> None:
+def test_values_of_a_region_are_averaged_within_it(ball):
     inner = single_precision(ball_surface(3, 12.0))
     made = cortet.mesh(ball, cell_size=3.0, inner={"white": inner}, settings=UNSMOOTHED, progress=False)
     values = np.where(made.mesh.cell_data["region"] == 1, 100.0, -100.0)
@@ -102,7 +101,7 @@ def test_values_of_a_region_are_averaged_within_it(ball: TriSurface) -> None:
     assert np.abs(made.to_surface(values, depth=(0.0, 4.0))).mean() < 15  # half of it lies in each
 
 
-def test_masked_values_are_unknown(made: cortet.Mesh) -> None:
+def test_masked_values_are_unknown(made):
     hidden = np.ma.masked_invalid(np.where(made.points[:, 0] > 0, np.nan, 1.0))
     found = made.to_surface(hidden)
     assert np.isnan(found).any() and found[np.isfinite(found)] == pytest.approx(1)
@@ -110,7 +109,7 @@ def test_masked_values_are_unknown(made: cortet.Mesh) -> None:
         made.to_surface(np.ma.masked_equal(np.arange(len(made.points)), 3))
 
 
-def test_depth_is_below_the_surface(made: cortet.Mesh, ball: TriSurface) -> None:
+def test_depth_is_below_the_surface(made, ball):
     radius = np.linalg.norm(made.points, axis=1)
     for depth in (1.0, 4.0):
         assert np.abs(made.to_surface(radius, depth=depth) - (RADIUS - depth)).max() < 0.4
@@ -125,13 +124,13 @@ def test_depth_is_below_the_surface(made: cortet.Mesh, ball: TriSurface) -> None
 
 
 @pytest.mark.parametrize("depth", [-1.0, np.nan, np.inf, (3.0, 1.0), np.ones(7), (0.0, np.ones(7)), (1, 2, 3), "deep"])
-def test_what_is_no_depth_is_refused(made: cortet.Mesh, depth: Any) -> None:
+def test_what_is_no_depth_is_refused(made, depth):
     with pytest.raises(InputError, match="depth"):
         made.to_surface(made.points, depth=depth)
 
 
 @pytest.mark.parametrize("values", [3.0, None, [[1.0], [1.0, 2.0]], ["a"], [1j], np.ones((2, 2, 2)), [1.0, 2.0, 3.0]])
-def test_what_is_no_list_of_numbers_of_the_mesh_or_the_surface_is_refused(made: cortet.Mesh, values: Any) -> None:
+def test_what_is_no_list_of_numbers_of_the_mesh_or_the_surface_is_refused(made, values):
     for there in (made.to_surface, made.from_surface):
         with pytest.raises(InputError, match="numbers|3 values"):
             there(values)
@@ -139,7 +138,7 @@ def test_what_is_no_list_of_numbers_of_the_mesh_or_the_surface_is_refused(made: 
         made.to_surface(made.points, region="white")
 
 
-def test_smoothed_vertices_are_known_by_number_however_far_they_went(made: cortet.Mesh, ball: TriSurface) -> None:
+def test_smoothed_vertices_are_known_by_number_however_far_they_went(made, ball):
     """An inflated surface has the values of the folded one."""
     inflated = surface_map(made.mesh, made.surface, replace(ball, points=3 * ball.points + 50))
     own = made.surface_map()
@@ -151,7 +150,7 @@ def test_smoothed_vertices_are_known_by_number_however_far_they_went(made: corte
     assert np.array_equal(smoothed.surface_map().points, smoothed.surface.points)
 
 
-def test_a_repaired_surface_works_by_the_closest_point_where_it_changed(ball: TriSurface) -> None:
+def test_a_repaired_surface_works_by_the_closest_point_where_it_changed(ball):
     broken = replace(ball, faces=ball.faces[6:])
     made = cortet.mesh(broken, cell_size=3.0, settings={**UNSMOOTHED, "repair": {"enabled": True}}, progress=False)
     found = made.surface_map()
@@ -162,7 +161,7 @@ def test_a_repaired_surface_works_by_the_closest_point_where_it_changed(ball: Tr
     assert np.abs(made.from_surface(ball.points)[nodes] - made.points[nodes]).max() < 1.0
 
 
-def test_renumbered_vertices_are_found_by_the_closest_point(made: cortet.Mesh, ball: TriSurface) -> None:
+def test_renumbered_vertices_are_found_by_the_closest_point(made, ball):
     order = np.random.default_rng(0).permutation(len(ball.points))
     place = np.argsort(order)
     mixed = TriSurface(ball.points[order], place[ball.faces])
@@ -171,13 +170,13 @@ def test_renumbered_vertices_are_found_by_the_closest_point(made: cortet.Mesh, b
     assert np.abs(found.on_surface(made.points) - made.to_surface(made.points)[order]).max() < 1e-6
 
 
-def test_vertices_without_position_have_no_value(made: cortet.Mesh, ball: TriSurface) -> None:
+def test_vertices_without_position_have_no_value(made, ball):
     more = replace(ball, points=np.vstack([ball.points, [[np.nan, 0, 0], [RADIUS, 0, 0]]]))
     found = surface_map(made.mesh, made.surface, more).on_surface(made.points[:, 0])
     assert np.isnan(found[-2]) and found[-1] == pytest.approx(RADIUS, abs=0.5) and np.isfinite(found[:-2]).all()
 
 
-def test_a_resampled_surface_works_by_the_closest_point() -> None:
+def test_a_resampled_surface_works_by_the_closest_point():
     surface, sphere = phantom_with_sphere(24.0, subdivisions=3)
     made = cortet.mesh(
         surface, cell_size=4.0, sphere=sphere, settings={"resample": {"subdivisions": 4}}, progress=False
@@ -188,7 +187,7 @@ def test_a_resampled_surface_works_by_the_closest_point() -> None:
     assert np.linalg.norm(made.to_surface(made.points) - surface.points, axis=1).mean() < 0.5
 
 
-def test_an_inner_surface_has_its_own_map_and_a_shell_has_none(ball: TriSurface) -> None:
+def test_an_inner_surface_has_its_own_map_and_a_shell_has_none(ball):
     inner = single_precision(ball_surface(3, 8.0))
     made = cortet.mesh(ball, cell_size=3.0, inner={"white": inner}, shell=2.0, settings=UNSMOOTHED, progress=False)
     assert list(made.native) == ["cortex", "white"]
@@ -196,7 +195,7 @@ def test_an_inner_surface_has_its_own_map_and_a_shell_has_none(ball: TriSurface)
         assert np.abs(made.to_surface(made.points, region=region) - surface.points).max() < 1.0
 
 
-def test_holes_are_no_part_of_the_boundary(made: cortet.Mesh, ball: TriSurface) -> None:
+def test_holes_are_no_part_of_the_boundary(made, ball):
     """Faces around a region that was left out are near no vertex."""
     mesh = made.mesh
     far = np.linalg.norm(mesh.points[mesh.cells].mean(axis=1), axis=1) > 8
@@ -211,7 +210,7 @@ def test_holes_are_no_part_of_the_boundary(made: cortet.Mesh, ball: TriSurface) 
     assert np.linalg.norm(hollow.points[np.unique(found.to_surface.indices)], axis=1).min() > 11
 
 
-def test_every_point_is_found_in_its_tetrahedron() -> None:
+def test_every_point_is_found_in_its_tetrahedron():
     mesh = ball_mesh(3, radius=1.0)
     random = np.random.default_rng(0)
     cells = random.integers(len(mesh.cells), size=500)

@@ -144,8 +144,6 @@ def test_an_uncertified_mesh_is_not_written_and_one_of_an_earlier_run_is_gone(fi
     assert json.loads((tmp_path / "out.certificate.json").read_text())["certified"] is False
 
 
-
-
 def test_the_native_surface_is_compared_in_mm_whatever_the_unit(ball):
     metres = replace(ball, points=ball.points / 1000)
     made = mesh_surface(metres, load({**FAST, "gate": {"unit": "m"}}))

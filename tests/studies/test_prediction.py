@@ -154,7 +154,7 @@ def grown_balls(folder: Path) -> tuple[Series, TetMesh]:
 
 
 @pytest.mark.usefixtures("at_rest")
-def test_rounds_find_what_has_to_be_imposed(tmp_path: Path) -> None:
+def test_rounds_find_what_has_to_be_imposed(tmp_path):
     series, mesh = grown_balls(tmp_path / "truth")
     rounds: list[str] = []
     how = {"settings": SETTINGS, "until": 23.0}
