@@ -78,3 +78,10 @@ def test_geometry_of_the_unit_tetrahedron():
     assert sorted(topology.face_areas(UNIT, TETRAHEDRON)) == pytest.approx([0.5, 0.5, 0.5, 3**0.5 / 2])
     assert topology.vertex_normals(UNIT, TETRAHEDRON)[0] == pytest.approx(-np.ones(3) / 3**0.5)
     assert topology.neighbour_means(UNIT, TETRAHEDRON)[0] == pytest.approx(np.ones(3) / 3)
+
+
+def test_faces_are_told_apart_by_one_number_each_also_in_meshes_of_millions_of_nodes():
+    faces = np.random.default_rng(0).integers(0, 30, (200, 3))
+    small = np.unique(topology.packed(faces), return_inverse=True)[1]
+    far = np.unique(topology.packed(np.vstack([faces, [[2**22, 2**22 + 1, 2**22 + 2]]])), return_inverse=True)[1][:-1]
+    assert np.array_equal(small, far)
