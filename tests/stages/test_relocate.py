@@ -10,6 +10,7 @@ from cortet.errors import StageError
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import TetMesh
+from cortet.stages import relocate as stage
 from cortet.stages.relocate import relocate
 
 
@@ -45,6 +46,17 @@ def test_a_fixed_boundary_does_not_move_by_one_bit_and_the_report_says_how_far_a
     moved = np.linalg.norm(free.points[nodes] - mesh.points[nodes], axis=1)
     assert report.max_boundary_displacement_mm == moved.max() > 0
     assert report.mean_boundary_displacement_mm == moved.mean()
+
+
+def test_nodes_that_gmsh_moved_through_a_face_go_only_part_of_the_way(monkeypatch, caplog):
+    mesh = rough_cube()
+    points = mesh.points.copy()
+    inner = np.setdiff1d(np.arange(len(points)), boundary_nodes(mesh))[0]
+    points[inner] += 1.2
+    monkeypatch.setattr(stage, "_relocated", lambda *_: points)
+    moved, report = relocate(mesh)
+    assert report.nodes_backed_off > 0 and "nodes" in caplog.text
+    assert signed_volumes(moved.points, moved.cells).min() > 0
 
 
 def test_a_failure_inside_gmsh_is_reported_and_leaves_no_session(monkeypatch):

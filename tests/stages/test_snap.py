@@ -43,6 +43,7 @@ def test_a_floating_boundary_comes_back_to_the_surface(floating):
     assert distances(result).max() <= ON_SURFACE_MM
     assert report.nodes_left_off == 0 and report.outcome.startswith("the boundary lies on the surface")
     assert report.max_distance_before_mm == distances(floating).max()
+    assert report.q_max_before == quality(floating.points, floating.cells).max()
     assert signed_volumes(result.points, result.cells).min() > 0 and report.q_max_after < 0.6
     assert result.cells is floating.cells
     to_vertex = np.linalg.norm(result.points[boundary_nodes(result), None] - BALL.points, axis=2).min(axis=1)
