@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -28,6 +28,7 @@ from cortet.meshes import REGION, MeshSets, TriSurface, single_precision
 from cortet.optimise.backing_off import back_off
 from cortet.phantoms import inset, phantom
 from cortet.pipeline import Meshed, mesh_surface
+from cortet.report.case_page import Checked, write_case_page
 from cortet.solver_files.sets import named_sets
 from cortet.stages.clean import clean
 from cortet.stages.generate import generate
@@ -328,3 +329,10 @@ def test_a_phantom_pair_is_separate_and_stays_as_it_is():
     for thickness in (0.0, 1e308, np.nan):
         with pytest.raises(InputError, match="thickness"):
             inset(pial, thickness)
+
+
+def test_the_page_shows_regions_and_thin_places(pair, meshed, tmp_path):
+    certificate = asdict(meshed.certificate)
+    write_case_page(Checked(meshed.mesh, pair, meshed.surface, certificate), tmp_path / "a.html")
+    page = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "Inner surface white" in page and "Thinnest places of cortex around white" in page
