@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from cortet.errors import StageError
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import FloatArray, IntArray
 
@@ -27,6 +28,10 @@ def back_off(
     Returns
     -------
     The (n, 3) positions, exactly `target` where the step is whole, and the share of the step made, (n,) in [0, 1].
+
+    Raises
+    ------
+    StageError : an element has no positive volume at `start`
     """
     allowed = np.maximum(np.nextafter(q_max, 0), quality(start, cells))
     share = np.ones(len(start))
@@ -36,5 +41,8 @@ def back_off(
         if not bad.any():
             return points, share
         offending = np.unique(cells[bad])
+        if not share[offending].any():
+            what = f"{np.count_nonzero(bad)} tetrahedra have no positive volume before any node moves"
+            raise StageError(what, remedy="turn them: `cortet improve` does")
         share[offending] /= 2
         share[share < 0.5**HALVINGS] = 0

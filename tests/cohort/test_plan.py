@@ -197,7 +197,7 @@ def test_what_one_case_lacks_is_for_its_job_to_say(tmp_path):
     made = plan(GOOD, image, whole, resample={"template": str(tmp_path / "{hemi}.surf.gii")})
     assert made.placement(job(GOOD)) is None
     told = made.placement(job(image))
-    assert isinstance(told, str) and "gone.nii.gz: cannot be read as an image" in told
+    assert isinstance(told, str) and "gone.nii.gz: cannot be read" in told
     for case in (image, whole):
         surface, mesh = job(case), mesh_job(case)
         assert made.facts(surface)["source"] == made.facts(mesh)["source"] == "good.surf.gii"
