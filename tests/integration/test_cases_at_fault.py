@@ -43,7 +43,7 @@ def test_a_fault_of_one_row_fails_its_case_alone(tmp_path):
     reason = status["sub-other_hemi-L"]["reason"]
     assert "other.surf.gii: is of hemisphere R, as its AnatomicalStructurePrimary says, but its row says L" in reason
     assert "mend the column hemi" in reason
-    assert "gone.nii.gz: cannot be read as an image" in status["sub-image_hemi-L"]["reason"]
+    assert "gone.nii.gz: cannot be read" in status["sub-image_hemi-L"]["reason"]
     for name, stage, words in (
         ("inner", "gate_inner", ["none.surf.gii: no such file"]),
         ("sphere", "resample", ["sphere.surf.gii: no such file", "column sphere of the cohort sheet"]),
