@@ -157,7 +157,7 @@ def test_participants_then_the_group_with_the_conventional_words(installed, data
     assert again.returncode == 1
     states = [line.split("\t") for line in (out / "cohort/cohort_status.tsv").read_text().splitlines()]
     assert [row[column] for row in states[1:] if "ses-a" in row[0]] == ["failed"], "participant after group"
-    assert "not GIfTI" in (out / "cohort/index.html").read_text()
+    assert "as GIfTI" in (out / "cohort/index.html").read_text()
 
 
 @pytest.mark.parametrize(

@@ -101,7 +101,7 @@ def test_a_job_that_failed_is_run_again_in_a_debugger(study):
     (script,) = (study.folder / ".snakemake/scripts").glob("*.gate.py")
     debugger = [sys.executable, "-m", "pdb", "-c", "continue", str(script)]
     done = subprocess.run(debugger, cwd=study.folder, input="where\nq\n", check=False, capture_output=True, text=True)
-    assert "a.surf.gii: truncated" in done.stdout + done.stderr and "gate.py" in done.stdout
+    assert "a.surf.gii: cannot be read as GIfTI" in done.stdout + done.stderr and "gate.py" in done.stdout
 
 
 def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study, tmp_path):
@@ -214,7 +214,7 @@ def test_a_case_that_hangs_and_a_surface_that_was_cut_off_fail_and_the_others_st
         "b": ("gate", "failed"),
         "hangs": ("gate", "failed"),
     }
-    assert "truncated" in status["b"]["reason"] and "b.surf.gii" in status["b"]["reason"]
+    assert "as GIfTI" in status["b"]["reason"] and "b.surf.gii" in status["b"]["reason"]
     assert "took longer than 0:00:12" in status["hangs"]["reason"]
     assert "write_json" in (study.folder / status["hangs"]["log"]).read_text()  # where it was
     assert sums(study.folder, "sub-a*") == before

@@ -69,7 +69,7 @@ def test_slurm_makes_the_same_files_and_tries_a_failed_job_again(finished, tmp_p
         "sub-a_hemi-L": "certified",
         "sub-c_hemi-L": "failed",
     }
-    assert "not GIfTI" in study.status()["sub-c_hemi-L"]["reason"]
+    assert "as GIfTI" in study.status()["sub-c_hemi-L"]["reason"]
     assert hashes(study) == hashes(finished)
     # the case in three jobs (S1 is not measured here), and the bad one, three times
     assert sorted(states) == ["COMPLETED"] * 3 + ["FAILED"] * 3
