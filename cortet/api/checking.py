@@ -147,5 +147,5 @@ def side_by_side(certificates: Mapping[str, Certificate]) -> pd.DataFrame:
         columns[name] = elements | {check["name"]: check["value"] for check in checks}
         limits |= {check["name"]: check["limit"] for check in checks}
     table = pd.DataFrame(columns)
-    table.insert(0, "limit", [limits.get(number, "") for number in table.index], allow_duplicates=True)
+    table.insert(0, "limit", [limits.get(number, "no limit") for number in table.index], allow_duplicates=True)
     return table

@@ -13,9 +13,20 @@ from cyclopts import App, Parameter
 
 from cortet.cli.given import draw, read_mesh, stem_of
 from cortet.cli.shared import MESHES, Common, Limits, Writes, add
-from cortet.cli.values import Below, Depth, FieldsFile, InnerFiles, InputFile, MeshFile, O, OutputFile, Picture, number
+from cortet.cli.values import (
+    Below,
+    Depth,
+    FieldsFile,
+    InnerFiles,
+    InputFile,
+    MeshFile,
+    O,
+    OutputFile,
+    Picture,
+    TableFile,
+    number,
+)
 from cortet.errors import InputError
-from cortet.formats.atomic import atomic_path
 from cortet.geometry.limits import THICKNESS_MM
 
 if TYPE_CHECKING:
@@ -154,7 +165,7 @@ def compare(
     /,
     *,
     surface: InputFile | None = None,
-    output: Annotated[OutputFile | None, O, Parameter(metavar="TSV")] = None,
+    output: Annotated[TableFile | None, O] = None,
     limits: Limits = Limits(),
     _: Writes = Writes(),
 ) -> int:
@@ -172,6 +183,7 @@ def compare(
     cortet compare lh.vtu other.inp --surface lh.pial.surf.gii -o comparison.tsv
     """
     from cortet.api.checking import side_by_side
+    from cortet.formats.tsv import write_tsv
 
     names = _names_of(files)
     filled, source = filled_surface(files[0], surface)
@@ -182,8 +194,7 @@ def compare(
         verdict = "certified" if certificate.certified else "NOT certified: " + "; ".join(certificate.reasons)
         print(f"{name}: {verdict}")
     if output:
-        with atomic_path(output) as temporary:
-            table.to_csv(temporary, sep="\t", index_label="number")
+        write_tsv(table.rename_axis("number").reset_index().to_dict("records"), ["number", *table.columns], output)
         print(f"{output}: written")
     return 0
 
@@ -191,7 +202,8 @@ def compare(
 def _names_of(files: Sequence[Path]) -> dict[str, Path]:
     """The label of each file: its stem, or the file itself if two have the same stem."""
     stems = [stem_of(file) for file in files]
-    names = {stem if stems.count(stem) == 1 else str(file): file for stem, file in zip(stems, files, strict=True)}
+    stems.append("limit")  # a column of the table
+    names = {stem if stems.count(stem) == 1 else str(file): file for stem, file in zip(stems, files, strict=False)}
     if len(names) < len(files):
         raise InputError("a mesh is given twice", remedy="name each file once")
     return names

@@ -161,6 +161,14 @@ def _picture(_: object, tokens: Sequence[Token]) -> OutputFile:
     return OutputFile(text)
 
 
+def _table(_: object, tokens: Sequence[Token]) -> OutputFile:
+    """A file to write that ends in .tsv."""
+    text = tokens[-1].value
+    if not text.endswith(".tsv"):
+        raise ValueError(f"{text!r} does not end in .tsv; the page of a comparison went")
+    return OutputFile(text)
+
+
 # Of a docstring help keeps the ends of lines, so longer help stands here.
 
 #: the option `-o`
@@ -178,6 +186,7 @@ Depth = Annotated[
         "cortex, 50% or 0:100% (default: on the surface).",
     ),
 ]
+TableFile = Annotated[OutputFile, Parameter(converter=_table, metavar="TSV")]
 Picture = Annotated[OutputFile, Parameter(converter=_picture, metavar="PNG")]
 MeshFile = Annotated[Path, Parameter(name="MESH")]
 InputFile = Annotated[Path, Parameter(metavar="FILE")]

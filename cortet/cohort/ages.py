@@ -29,6 +29,8 @@ Session = tuple[str, str | None]
 _FROM_BIRTH = "age"
 #: units as sidecars write them, in lower case -> weeks
 _WEEKS = dict.fromkeys(("", "week", "weeks", "wk", "wks", "w"), 1.0) | dict.fromkeys(("day", "days", "d"), 1 / 7)
+#: keys of a sidecar that state the unit, in lower case: BIDS has the first
+_UNITS = ("units", "unit")
 #: cells that mean an unknown value
 _MISSING = frozenset({"", "n/a", "na", "nan", "none", "null"})
 
@@ -68,7 +70,8 @@ class _Table:
     def ages_of(self, session: Session) -> list[str]:
         """What its rows about a session say of the age, each value once; empty if they could be of another session."""
         rows = self.rows
-        if self.column is None:
+        of_one = "{participant}" in self.name
+        if self.column is None or not (of_one or "participant_id" in rows):
             return []
         for key, label in zip(("participant_id", "session_id"), session, strict=True):
             if label is not None and key in rows:
@@ -189,5 +192,8 @@ def _unit(column: str, name: str, path: Path) -> str:
             if not isinstance(said, dict):
                 raise InputError("holds no keys", file=file, remedy="give one key per column of the table")
             entry = next((entry for key, entry in said.items() if key.lower() == column.lower()), None)
-            unit = str(entry.get("Units", unit)).strip() if isinstance(entry, dict) else unit
+            if isinstance(entry, dict):
+                unit = next((str(value) for key, value in entry.items() if key.lower() in _UNITS), unit).strip()
+            elif entry is not None:
+                unit = str(entry)
     return unit

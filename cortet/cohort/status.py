@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any
 
 from cortet.errors import CortetError
 from cortet.formats.atomic import write_json
+from cortet.formats.ownership import json_of
 from cortet.formats.tables import Column
 
 VERSION: int = 1
@@ -115,8 +115,11 @@ def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         outcome = dict(mesh)
         earlier = outcome.pop("earlier", None)
         if certificate := outcome.pop("certificate", None):
-            content = json.loads(Path(certificate).read_text(encoding="utf-8"))
-            if not content["certified"]:
+            content = json_of(Path(certificate))
+            if "certified" not in content:
+                reason = "its certificate is damaged: delete it, and run again"
+                outcome |= {"stage": "certify", "state": "unfinished", "reason": reason}
+            elif not content["certified"]:
                 outcome |= {"stage": "certify", "state": "uncertified", "reason": "; ".join(content["reasons"])}
             elif "state" not in outcome:
                 remarks = "; ".join(content.get("remarks", ()))

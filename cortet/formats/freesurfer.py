@@ -23,6 +23,8 @@ logger = logging.getLogger(__name__)
 
 #: first bytes of a file of triangles, of quadrangles, and of values or quadrangles with rounded coordinates
 TRIANGLES, QUADRANGLES, VALUES = b"\xff\xff\xfe", b"\xff\xff\xfd", b"\xff\xff\xff"
+#: axes of the volume in the footer of a surface
+_AXES = ("xras", "yras", "zras")
 #: key of vertices without a label in an annotation
 _NONE = -1
 
@@ -90,6 +92,9 @@ def read_annotation(path: Path) -> Annotation:
         colours = table[:, 4]
         if len(names) != len(colours):
             raise ValueError("its table leaves out numbers of labels: convert it with mris_convert --annot")
+        ends = [colour.tobytes() for colour in table[:, :4].astype(">i4")]  # NumPy reads less than was asked for
+        if not path.read_bytes().endswith(tuple(ends)):
+            raise ValueError("its table is cut off")
         order = np.argsort(colours, kind="stable")
         keys = order[np.minimum(np.searchsorted(colours[order], of_vertex), len(colours) - 1)]
     labels = np.where(colours[keys] == of_vertex, keys, _NONE).astype(np.int32)
@@ -110,5 +115,7 @@ def _frame(footer: dict[str, Any], path: Path) -> CoordinateFrame:
         if valid:
             logger.warning("%s: its footer says `valid = %s`: the coordinates are used as they are", path, valid)
         return CoordinateFrame()
-    axes, centre = np.stack([footer[name] for name in ("xras", "yras", "zras")], axis=1), footer["cras"]
+    if short := [name for name in (*_AXES, "cras") if np.size(footer.get(name, ())) != 3]:
+        raise ValueError(f"its footer lacks numbers of {short[0]}")
+    axes, centre = np.stack([footer[name] for name in _AXES], axis=1), footer["cras"]
     return frames.of_volume(axes, centre, path, "footer")

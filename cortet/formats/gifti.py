@@ -9,7 +9,9 @@ nothing downstream depends on whether the surface went through a file.
 
 from __future__ import annotations
 
+import html
 import re
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from io import BytesIO
@@ -261,19 +263,23 @@ def _fields(image: Any, path: str | Path, count: int | None = None) -> dict[str,
 
 def _read(path: Path) -> Any:
     """All arrays of a file, in the byte order of this machine; InputError for those that NiBabel misreads."""
-    file, parser = BytesIO(content(path)), _Parser(mmap=False)
+    data, parser = content(path), _Parser(mmap=False)
+    for name in re.findall(r"""ExternalFileName\s*=\s*["']([^"']+)""", data.decode("utf-8", "replace")):
+        external = html.unescape(name)  # NiBabel opens it as it meets it
+        if Path(external).name != external:
+            what = f"the external file {external} is not in the same folder"
+            raise InputError(what, file=path, remedy="move it there, and name it without a folder")
+        check_file(path.with_name(external))
+    file = BytesIO(data)
     file.name = str(path)  # NiBabel looks for external files beside it
-    with by_library("GIfTI", path, foreign.name_of):
+    with warnings.catch_warnings(), by_library("GIfTI", path, foreign.name_of):
+        warnings.simplefilter("ignore")
         parser.parse(fptr=file)
         if parser.img is None:
             raise ValueError("its XML has no <GIFTI>")
         for array in parser.img.darrays:
             if array.encoding == _ASCII and array.ind_ord == _BY_COLUMN:
                 raise ValueError("an array is text by columns")
-            if array.ext_fname:
-                if Path(array.ext_fname).name != array.ext_fname:
-                    raise ValueError(f"the external file {array.ext_fname} is not in the same folder")
-                check_file(path.with_name(array.ext_fname))
             if array.data is None or array.data.dtype.kind not in "iuf":
                 raise ValueError("an array holds no numbers")
             array.data = array.data.astype(array.data.dtype.newbyteorder("="))

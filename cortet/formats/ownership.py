@@ -109,8 +109,12 @@ def may_write(path: Path) -> None:
     guard = _guard.get()
     if guard is None:
         return
+    if set("\r\n") & set(path.name):
+        raise InputError("has a line break in its name", file=path, remedy="give a name of one line")
     for given in guard.inputs:
         _refuse_same(path, given)
+    if not guard.is_in_own_folder(path):
+        _require_own_list(path.with_name(MANIFEST), guard)
     if path.exists() and not path.is_file():
         raise InputError("is a folder, a device or a pipe", file=path, remedy="give the name of a file")
     if os.path.lexists(path) and not (guard.force or guard.owns(path) or is_ours(path)):
@@ -119,6 +123,18 @@ def may_write(path: Path) -> None:
             file=path,
             remedy="give another name, or add --force to replace it",
         )
+
+
+def _require_own_list(manifest: Path, guard: _Guard) -> None:
+    """Raise InputError for a list to which nothing can be added, or which is a file of the user by another name."""
+    if not os.path.lexists(manifest):
+        return
+    alone = manifest.is_file() and not manifest.is_symlink() and manifest.stat().st_nlink == 1
+    for given in guard.inputs:
+        _refuse_same(manifest, given)
+    if not alone or not os.access(manifest, os.R_OK | os.W_OK):
+        what = "is to list the files that cortet made here, but is no file of its own that it may write to"
+        raise InputError(what, file=manifest, remedy="delete it or correct its permissions, or use another folder")
 
 
 def mark(folder: Path) -> None:

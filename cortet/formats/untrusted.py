@@ -77,7 +77,7 @@ def by_library(what: str, path: str | Path, kind_of: Callable[[Path], str] = lam
         raise
     except Exception as error:
         told = f"is {kind}, not {what}" if (kind := kind_of(Path(path))) else f"cannot be read as {what}"
-        raise DamagedFileError(f"{told}: {str(error) or type(error).__name__}", file=path) from error
+        raise DamagedFileError(f"{told}: {' '.join(str(error).split()) or type(error).__name__}", file=path) from error
 
 
 def safe_name(text: str) -> str:

@@ -37,6 +37,7 @@ READ: list[tuple[str, dict[str, str] | None, str, float | str]] = [
     ("ga", {"Description": "at scan"}, "28.5", 28.5),
     ("gestational_age", {"Units": "d"}, "196", 28.0),
     ("scan_age", {"Units": "Weeks"}, "28", 28.0),
+    ("scan_age", {"unit": "days"}, "196", 28.0),
     # the column age of BIDS is in years from birth
     ("age", None, "28", "counts from birth"),
     ("age", {"Units": "weeks"}, "28", "counts from birth"),
@@ -67,6 +68,18 @@ def test_a_configuration_may_name_the_column_age_whose_unit_the_sidecar_still_st
     (folder / "participants.json").write_text(json.dumps({"age": {"Units": "years"}}))
     found, said = ages(folder, named)
     assert found == [None] and "in years" in said
+
+
+def test_a_sidecar_may_state_the_unit_alone(tmp_path):
+    folder = dataset(tmp_path, "scan_age", {"a": "28"})
+    (folder / "participants.json").write_text('{"scan_age": "years"}')
+    assert ages(folder)[0] == [None]
+
+
+def test_the_ages_of_a_table_that_names_no_participants_are_nobodys(tmp_path):
+    folder = dataset(tmp_path, "scan_age", {"a": "28"})
+    (folder / "participants.tsv").write_text("subject\tscan_age\nsub-b\t30\n")
+    assert ages(folder)[0] == [None]
 
 
 def test_columns_and_keys_in_another_case_are_the_same_and_a_column_twice_is_refused(tmp_path):

@@ -20,6 +20,12 @@ def test_the_verdict_of_the_certificate_is_the_state(tmp_path):
     assert row["reason"] == "q_max 0.71 is not below 0.6; Euler number 0"
 
 
+def test_a_damaged_certificate_certifies_nothing(tmp_path):
+    (tmp_path / "c.json").write_text('{"certified": tr')
+    (row,) = status_rows([{"case": "a", "certificate": str(tmp_path / "c.json")}])
+    assert row["state"] == "unfinished" and "damaged" in row["reason"]
+
+
 def test_a_failure_and_an_exclusion_are_rows_too(tmp_path):
     meshes = [
         {

@@ -231,6 +231,7 @@ WRONG: dict[str, Callable[[Path], Path]] = {
     "there already": stated((UNKNOWN, SCANNER, TO_SCANNER), (SCANNER, SCANNER, np.eye(4))),
     "two ways": stated((UNKNOWN, SCANNER, TO_SCANNER), (TALAIRACH, SCANNER, SCAN.get_vox2ras_tkr())),
     "a footer cut short": shortened(lambda data: data[:-30]),
+    "a centre of one number": shortened(lambda data: data[: data.index(b"cras")] + b"cras   = 1.0\n"),
     "a centre of two numbers": shortened(lambda data: data[: data.index(b"cras")] + b"cras   = 1.0 2.0\n"),
     "half as large": stated((UNKNOWN, SCANNER, np.diag([0.5, 0.5, 0.5, 1]))),
     "half as large as a template": stated((UNKNOWN, TALAIRACH, np.diag([0.5, 0.5, 0.8, 1]))),

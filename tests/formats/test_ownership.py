@@ -221,6 +221,26 @@ def test_a_folder_is_filled_if_it_is_new_empty_or_cortets_and_edited_files_stay(
         may_write(full / "../new/a")
 
 
+@pytest.mark.parametrize("kind", ["a link", "a second name", "a pipe", "the input"])
+def test_a_list_that_is_no_file_of_its_own_is_never_written_to(tmp_path, kind):
+    manifest, mine = tmp_path / MANIFEST, tmp_path / "mine.txt"
+    mine.write_text("mine")
+    if kind == "a link":
+        manifest.symlink_to(mine)
+    elif kind == "a second name":
+        manifest.hardlink_to(mine)
+    elif kind == "a pipe":
+        os.mkfifo(manifest)
+    else:
+        manifest.write_text("mine")
+    refused(MANIFEST, [manifest] if kind == "the input" else [], files=[tmp_path / "x.vtu"])
+    assert mine.read_text() == "mine" and not (tmp_path / "x.vtu").exists()
+
+
+def test_a_line_break_in_a_name_could_forge_the_list(tmp_path):
+    refused("line break", files=[tmp_path / "x\n.vtu"])
+
+
 @pytest.mark.parametrize("letter", ["x", "\u00fc"])
 def test_a_name_beside_which_no_temporary_file_fits_is_refused(tmp_path, letter):
     """A file is written to a temporary name first, which is longer; a letter may have two bytes."""

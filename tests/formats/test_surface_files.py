@@ -283,7 +283,7 @@ def test_values_and_labels_of_freesurfer_are_fields(tmp_path):
     whole, flat = annot.read_bytes(), thick.read_bytes()
     unknown = whole[:8] + (99).to_bytes(4, "big") + whole[12:]  # a colour that the table has not
     assert read_fields(saved(tmp_path, "lh.x.annot", unknown))["x"][:3].tolist() == [-1, 1, 2]
-    for content in (flat[:6], flat[:100], flat[:-3], whole[:-20], whole[:-3]):
+    for content in (flat[:6], flat[:100], flat[:-3], whole[:-20], whole[:-10], whole[:-3]):
         with pytest.raises(InputError, match="lh.cut: .*FreeSurfer"):
             read_fields(saved(tmp_path, "lh.cut", content))
 
