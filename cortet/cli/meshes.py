@@ -200,10 +200,10 @@ def compare(
 
 
 def _names_of(files: Sequence[Path]) -> dict[str, Path]:
-    """The label of each file: its stem, or the file itself if two have the same stem."""
+    """The column of each file: its stem, or the file itself if two have the same stem, or that of the limits."""
     stems = [stem_of(file) for file in files]
-    stems.append("limit")  # a column of the table
-    names = {stem if stems.count(stem) == 1 else str(file): file for stem, file in zip(stems, files, strict=False)}
+    taken = {stem for stem in stems if stems.count(stem) > 1} | {"limit"}
+    names = {str(file) if stem in taken else stem: file for stem, file in zip(stems, files, strict=True)}
     if len(names) < len(files):
         raise InputError("a mesh is given twice", remedy="name each file once")
     return names
