@@ -264,8 +264,8 @@ def _fields(image: Any, path: str | Path, count: int | None = None) -> dict[str,
 def _read(path: Path) -> Any:
     """All arrays of a file, in the byte order of this machine; InputError for those that NiBabel misreads."""
     data, parser = content(path), _Parser(mmap=False)
-    for name in re.findall(r"""ExternalFileName\s*=\s*["']([^"']+)""", data.decode("utf-8", "replace")):
-        external = html.unescape(name)  # NiBabel opens it as it meets it
+    for name in re.findall(rb"""ExternalFileName\s*=\s*["']([^"']+)""", data):
+        external = html.unescape(name.decode("utf-8", "replace"))  # NiBabel opens it as it meets it
         if Path(external).name != external:
             what = f"the external file {external} is not in the same folder"
             raise InputError(what, file=path, remedy="move it there, and name it without a folder")
