@@ -14,7 +14,7 @@ from typing import Any
 
 from cortet.cohort.jobs import Mesh
 from cortet.cohort.layout import EXPORTED
-from cortet.cohort.outdated import earlier_results, first_other_stage
+from cortet.cohort.outdated import can_be_read, earlier_results, first_other_stage
 from cortet.cohort.plan import AFTER_CERTIFICATE, Plan
 from cortet.cohort.selection import folded
 from cortet.cohort.sheet import Case
@@ -136,6 +136,8 @@ def _counts(plan: Plan, job: Mapping[str, str], failure: Failure) -> bool:
     certificate = Path(plan.layout.certificate.format(**job))
     if rule not in AFTER_CERTIFICATE and certificate.exists() and failure.time < certificate.stat().st_mtime:
         return False  # the mesh has been made since
+    if rule in AFTER_CERTIFICATE and certificate.exists() and not can_be_read(certificate):
+        return False  # it is the certificate that has to be made again
     stage = STAGES.get(rule.removesuffix("_inner"))
     asked = {
         "volumes": bool(case.volumes),

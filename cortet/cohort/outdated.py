@@ -76,14 +76,18 @@ def first_other_stage(plan: Plan, mesh: Mesh) -> str | None:
     job = plan.job(mesh)
     wanted = json.loads(json.dumps(plan.recorded_settings(job), default=str))
     certificate = Path(plan.layout.certificate.format(**job))
-    content = json_of(certificate)
-    made = content.get("parameters")
-    if made is None or "schema" not in content:  # of an earlier version, or damaged
+    made = json_of(certificate).get("parameters")
+    if made is None or not can_be_read(certificate):
         reports = plan.reports(job)
         return next((stage for stage in wanted if stage in reports and not Path(reports[stage]).exists()), "certify")
     if _has_changed(plan, job, certificate):
         return next(iter(wanted))
     return next((stage for stage in wanted if wanted[stage] != without_locations(made.get(stage, {}))), None)
+
+
+def can_be_read(certificate: Path) -> bool:
+    """Whether a certificate is whole, and not of a version before its content had a schema."""
+    return "schema" in json_of(certificate)
 
 
 def _has_changed(plan: Plan, job: Job, certificate: Path) -> bool:

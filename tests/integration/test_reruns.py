@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from cortet.cohort.lock import NAME
+from cortet.cohort.status import write_failure
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.hashing import sha256
 from cortet.over_all import report
@@ -54,6 +55,9 @@ def test_a_report_leaves_out_certificates_that_it_cannot_read(study, damaged):
     content = json.loads(file.read_text())
     del content["schema"]
     file.write_text("{}" if damaged else json.dumps(content))
+    (page,) = (study.logs / "case_page").rglob("sub-b*.log")
+    wildcards = {"case": "sub-b_hemi-L", "res": "4000", "mesher": "lattice"}
+    write_failure(page, "case_page", wildcards, KeyError("checks"))  # as the job that reads it leaves one
     report(study.outputs)
     assert study.status()["sub-b_hemi-L"]["state"] == "unfinished" and "sub-b" not in table.read_text()
 
