@@ -7,14 +7,17 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cortet.api.given import Later, Settings, SurfaceLike, surface
-from cortet.api.meshing import Mesh, tetrahedra
+from cortet.api.files import NO_FILES, filling, known_size
+from cortet.api.given import Later, Settings, SurfaceLike, sections, surface
+from cortet.api.meshing import Mesh
 from cortet.config import load
 from cortet.errors import InputError, short_traceback
 from cortet.formats.gifti import read_surface
 from cortet.measure.certify import Certificate
+from cortet.measure.certify import certify as checked
 from cortet.meshes import TetMesh, TriSurface
-from cortet.solver_files.meshed import cell_size_of
+from cortet.stages.repair import repair as mended
+from cortet.stages.separate import separate
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -25,19 +28,23 @@ else:
 @short_traceback
 def certify(
     made: TetMesh | Mesh | str | Path,
-    shape: SurfaceLike,
+    shape: SurfaceLike | None = None,
     cell_size: float | None = None,
     settings: Settings | None = None,
+    *,
+    inner: Mapping[str, str | Path] = NO_FILES,
 ) -> Certificate:
     """Check any tetrahedral mesh against the surface that it should fill.
 
     Parameters
     ----------
     made : a file, what `mesh` or `read` returns, or a `TetMesh`; coordinates in mm
-    shape : closed surface, mm, as `mesh` takes it
+    shape : closed surface, mm, as `mesh` takes it; None: the one that was meshed, as far as that is known. It is also
+        taken in place of the file from which a mesh with a sidecar was made
     cell_size : mm, the scale of limits on distances; None: the one that the mesh was made with, if that is known: of
         what `cortet.mesh` returns, and of a file with its certificate beside it. Else distances are reported, and
         have no limit
+    inner : region -> file of a closed surface inside `shape`
     settings : a configuration file, or its keys by section: {"certify": {"q_max": 0.5}}
 
     Returns
@@ -54,14 +61,20 @@ def certify(
     >>> found.certified, found.reasons
     (True, ())
     """
-    from cortet.measure.certify import certify as checked
-
-    if cell_size is None and isinstance(made, Mesh):
-        cell_size = made.config.generate.cell_size[0]
-    elif cell_size is None and isinstance(made, str | Path):
-        cell_size = cell_size_of(Path(made))
-    config = load(settings if settings is not None else {})
-    return checked(tetrahedra(made), surface(shape), config.certify, cell_size=cell_size)
+    mesh, filled, source = filling(made, shape, inner, whole=True)
+    if filled.inner and cell_size is not None and source is not None and str(source) == str(shape):
+        filled, _report = separate(filled, cell_size=cell_size)  # not as it was meshed: move surfaces apart as then
+    size = known_size(made) if cell_size is None else cell_size
+    config = load(sections(settings))
+    return checked(
+        mesh,
+        filled,
+        config.certify,
+        cell_size=size,
+        case=Path(made).stem if isinstance(made, str | Path) else "",
+        source=source,
+        parameters={"certify": {**config.certify.values(), "cell_size": size}},
+    )
 
 
 @short_traceback
@@ -88,8 +101,6 @@ def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSur
     >>> len(closed.faces) == len(sound.faces)
     True
     """
-    from cortet.stages.repair import repair as mended
-
     given = read_surface(shape, finite=False) if isinstance(shape, str | Path) else surface(shape)
     config = load(settings if settings is not None else {"repair": {"enabled": True}})
     result, report = mended(given, config.repair, source=None, allow_genus=config.gate.allow_genus)
@@ -123,7 +134,8 @@ def compare(
     if not (isinstance(meshes, Mapping) and meshes):
         what = "no meshes are given" if isinstance(meshes, Mapping) else "the meshes have no names"
         raise InputError(what, remedy='give them by name: {"mine": mesh}')
-    found = side_by_side({name: certify(one, shape, cell_size) for name, one in meshes.items()})
+    filled = surface(shape)
+    found = side_by_side({name: certify(one, filled, cell_size) for name, one in meshes.items()})
     return found.iloc[:, 1:]
 
 

@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from cortet.api.given import Settings, SurfaceLike, surface
-from cortet.api.meshing import Mesh, say, tetrahedra
+from cortet.api.given import Settings, SurfaceLike, sections, surface
+from cortet.api.meshing import Mesh, teller, tetrahedra
 from cortet.config import load
-from cortet.config import read as read_settings
 from cortet.errors import InputError, short_traceback
+from cortet.formats.gifti import read_surface
 from cortet.formats.ownership import guarded
 from cortet.geometry.filling import require_body
+from cortet.geometry.nesting import nested
 from cortet.geometry.topology import edges
 from cortet.measure.certify import certify
 from cortet.measure.quality import signed_volumes
@@ -23,10 +25,12 @@ from cortet.meshes import REGION, IntArray, TetMesh, TriSurface, region_names
 from cortet.pipeline import Step
 from cortet.pipeline import improve as improved
 from cortet.solver_files import export
-from cortet.solver_files.meshed import cell_size_of, meshed_surface
+from cortet.solver_files.meshed import Origin, cell_size_of, meshed_surface
 from cortet.solver_files.sets import with_regions
 from cortet.solver_files.sidecar import read_sidecar
 
+#: no inner surfaces
+NO_FILES: Mapping[str, str | Path] = MappingProxyType({})
 #: part of the length of a surface by which the box of its mesh may differ from its own
 _ELSEWHERE = 0.25
 
@@ -57,10 +61,10 @@ def read(path: str | Path, shape: SurfaceLike | None = None, cell_size: float | 
     (3, 4, True)
     """
     file = Path(path)
-    mesh, filled, source = _filling(file, shape)
-    size = _size(mesh, file) if cell_size is None else cell_size
+    mesh, filled, source = filling(file, shape)
+    size = _size(cell_size, file, mesh)
     config = load({"generate": {"cell_size": size}})
-    certificate = certify(mesh, filled, config.certify, cell_size=size, case=file.name.partition(".")[0], source=source)
+    certificate = certify(mesh, filled, config.certify, cell_size=size, case=file.stem, source=source)
     return _known(Mesh(mesh, certificate, filled, config=config), file, source)
 
 
@@ -102,20 +106,16 @@ def improve(
     True
     """
     file = Path(made) if isinstance(made, str | Path) else None
-    mesh, filled, source = _filling(made, shape)
+    mesh, filled, source = filling(made, shape, whole=True)
     cells = _oriented(mesh, file)
     require_body(mesh, file)
     _require_one_place(mesh, filled, file)
-    data = dict(settings) if isinstance(settings, Mapping) else read_settings(Path(settings)) if settings else {}
-    data = {"snap": {"enabled": True}, **data}
-    known = made.config.generate.cell_size[0] if isinstance(made, Mesh) else _size(mesh, file)
-    size = known if cell_size is None else cell_size
-    config = load({**data, "generate": {**(data.get("generate") or {}), "cell_size": size}})
+    size = _size(cell_size, made, mesh)
+    config = load({"snap": {"enabled": True}, **sections(settings, size)})
     region = {REGION: mesh.cell_data[REGION]} if REGION in mesh.cell_data else {}
     bare = TetMesh(mesh.points, cells, {}, region)
-    tell = progress if callable(progress) else _told if progress else lambda _: None
-    case = file.name.partition(".")[0] if file else ""
-    found = improved(bare, filled, config, cell_size=size, source=source, case=case, progress=tell)
+    case = file.stem if file else ""
+    found = improved(bare, filled, config, cell_size=size, source=source, case=case, progress=teller(progress))
     return _known(Mesh(*found, config=config), made if isinstance(made, TetMesh | Mesh) else Path(made), source)
 
 
@@ -146,18 +146,32 @@ def convert(source: str | Path, target: str | Path, *, force: bool = False) -> l
         return export.convert(Path(source), Path(target))
 
 
-def _filling(made: TetMesh | Mesh | str | Path, shape: SurfaceLike | None) -> tuple[TetMesh, TriSurface, Path | None]:
-    """A mesh with the numbers of its regions, the surface that it fills, and the file of that."""
-    mesh = tetrahedra(made)
+def filling(
+    made: TetMesh | Mesh | str | Path,
+    shape: SurfaceLike | None,
+    inner: Mapping[str, str | Path] = NO_FILES,
+    *,
+    whole: bool = False,
+) -> tuple[TetMesh, TriSurface, Path | None]:
+    """A mesh with the numbers of its regions, the surface that it fills, and the file of that.
+
+    Parameters
+    ----------
+    shape, inner : as of `certify`
+    whole : as of `tetrahedra`
+    """
+    mesh = tetrahedra(made, whole=whole)
     named = Path(shape) if isinstance(shape, str | Path) else None
     if isinstance(made, str | Path) and (shape is None or named):
-        filled, named = meshed_surface(Path(made), named, {})
+        filled, named = meshed_surface(Path(made), named, {name: Path(file) for name, file in inner.items()})
     elif shape is None and isinstance(made, Mesh):
         filled = made.surface
     elif shape is None:
         raise InputError("it is not known which surface was meshed", remedy="give the surface, too")
     else:
         filled = surface(shape)
+    if inner and not isinstance(made, str | Path):
+        filled = nested(filled, {**filled.inner, **{name: read_surface(file) for name, file in inner.items()}})
     return with_regions(mesh, list(filled.inner)) if filled.inner else mesh, filled, named
 
 
@@ -181,7 +195,7 @@ def _require_one_place(mesh: TetMesh, filled: TriSurface, file: Path | None) -> 
 def _known(found: Mesh, made: TetMesh | Mesh | Path, source: Path | None) -> Mesh:
     """The mesh with what is known of the brain: age, hemisphere, kind of surface, and its files."""
     if isinstance(made, Mesh):
-        return replace(found, ga=made.ga, hemi=made.hemi, kind=made.kind, inputs=made.inputs, given=made.given)
+        return replace(found, origin=replace(made.origin, fields={}, volumes={}), inputs=made.inputs)
     if isinstance(made, TetMesh):
         return found
     record: dict[str, Any] = read_sidecar(made).get("made_from") or {}
@@ -189,20 +203,25 @@ def _known(found: Mesh, made: TetMesh | Mesh | Path, source: Path | None) -> Mes
     given = {region: file for region, file in given.items() if file.is_file()}
     if not given and source is not None:
         given = {region_names(found.surface.inner)[0]: source}
-    return replace(
-        found,
-        ga=record.get("gestational_age"),
-        hemi=record.get("hemisphere"),
-        kind=record.get("surface"),
-        inputs=(made, *([source] if source else [])),
-        given=given,
+    origin = Origin(
+        given, age=record.get("gestational_age"), hemisphere=record.get("hemisphere"), kind=record.get("surface")
     )
+    return replace(found, origin=origin, inputs=(made, *([source] if source else [])))
 
 
-def _size(mesh: TetMesh, file: Path | None) -> float:
-    """The cell size of a mesh, mm: that of the certificate beside its file, else the mean length of its edges."""
-    if file and (size := cell_size_of(file)):
-        return size
+def known_size(made: TetMesh | Mesh | str | Path) -> float | None:
+    """The cell size that a mesh was made with, mm; of a file by the certificate beside it."""
+    if isinstance(made, Mesh):
+        return made.config.generate.cell_size[0]
+    return cell_size_of(Path(made)) if isinstance(made, str | Path) else None
+
+
+def _size(cell_size: float | None, made: TetMesh | Mesh | Path | str, mesh: TetMesh) -> float:
+    """The given cell size, else the known one, else the mean length of the edges, mm."""
+    if cell_size is None:
+        cell_size = known_size(made)
+    if cell_size is not None:
+        return cell_size
     ends = mesh.points[edges(mesh.cells)]
     return round(float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean()), 3)
 
@@ -217,7 +236,3 @@ def _oriented(mesh: TetMesh, file: Path | None) -> IntArray:
             remedy="mesh the surface anew",
         )
     return np.where((volumes < 0)[:, None], mesh.cells[:, [1, 0, 2, 3]], mesh.cells).astype(np.int32)
-
-
-def _told(step: Step) -> None:
-    say(f"{step.stage}: {step.seconds:.1f} s")

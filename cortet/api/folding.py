@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cortet.api.given import Later, SurfaceLike, require_hemisphere, surface
 from cortet.api.meshing import Mesh, image, say, tetrahedra
 from cortet.config import load
-from cortet.errors import InputError, short_traceback
+from cortet.errors import InputError, UsageError, short_traceback
 from cortet.geometry.limits import FOLD_AGES, require_within
 from cortet.meshes import TetMesh, region_names
 
@@ -66,7 +66,7 @@ def growth(
     from cortet.solver_files.names import growth_field
 
     if len(ages) != 2 or not ages[0] < ages[1]:
-        raise InputError(f"{', '.join(map(str, ages))} are not an early and a later age", remedy="give two, rising")
+        raise UsageError(f"{', '.join(map(str, ages))} are not an early and a later age", remedy="give two, rising")
     first, last = surface(early), surface(later)
     if spheres:
         last = through_spheres(last, surface(spheres[1]), surface(spheres[0]))

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cortet.config import load, read
 from cortet.errors import InputError, short_traceback
 from cortet.formats.gifti import read_surface, surface_of
 from cortet.geometry.limits import NAME
@@ -92,6 +93,20 @@ def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
         f"an object of type {type(shape).__name__} is not a surface",
         remedy="give a file, a NiBabel image, a mesh of PyVista or trimesh, or vertices and faces",
     )
+
+
+def sections(settings: Settings | None, cell_size: float | None = None) -> dict[str, Any]:
+    """The keys of a configuration by section, with the cell size, mm, if one is given."""
+    if not isinstance(settings, str | Path | Mapping | None):
+        what = f"an object of type {type(settings).__name__} holds no settings"
+        raise InputError(what, remedy='give a file, or keys by section: {"repair": {"enabled": True}}')
+    if isinstance(settings, str | Path):
+        load(settings)  # its errors name the file
+        settings = read(Path(settings))
+    data = dict(settings or {})
+    if cell_size is not None:
+        data["generate"] = {**(data.get("generate") or {}), "cell_size": cell_size}
+    return data
 
 
 def require_hemisphere(hemi: Any) -> None:

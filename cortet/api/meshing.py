@@ -22,10 +22,11 @@ from cortet.api.given import (
     require_hemisphere,
     require_named,
     require_region_names,
+    sections,
     surface,
     values_of,
 )
-from cortet.config import Config, load, read
+from cortet.config import Config, load
 from cortet.errors import InputError, short_traceback
 from cortet.formats import format_of, read_mesh
 from cortet.formats.gifti import hemisphere_of, kind_of
@@ -45,6 +46,7 @@ from cortet.pipeline import Meshed, Step, mesh_surface, save
 from cortet.solver_files.fields import with_fields, with_q, without_q
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
 from cortet.solver_files.meshed import Origin
+from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar
 from cortet.solver_files.surface_map import SurfaceMap, surface_map
 from cortet.solver_files.volumes import (
     TISSUE_COLUMNS,
@@ -77,36 +79,27 @@ class Mesh:
     certificate: Certificate
     #: the surface that was meshed: the given one, repaired and smoothed
     surface: TriSurface
-    #: gestational age, weeks, and hemisphere, if known
-    ga: float | None = None
-    hemi: Literal["L", "R"] | None = None
+    #: where it comes from, as far as that is known: files, gestational age, hemisphere
+    origin: Origin = field(default_factory=Origin)
     config: Config = field(default_factory=Config)
     #: files that it was made from; they are never overwritten
     inputs: tuple[Path, ...] = ()
-    #: region -> file of the surface that was given, and name -> file of its volumes and fields, where they are files
-    given: Mapping[str, str | Path] = field(default_factory=dict)
-    volumes: Mapping[str, str] = field(default_factory=dict)
-    fields: Mapping[str, str | Path] = field(default_factory=dict)
     #: a row for each label of each volume, as `solver_files.volumes.TISSUE_COLUMNS`
     tissue_rows: tuple[Mapping[str, Any], ...] = ()
     #: volume -> label -> name
     label_names: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
-    #: which surface was given, if its file says: a mesh of a white one has no cortex
-    kind: Literal["white", "pial"] | None = None
     #: region -> surface that was given, in mm, the outermost first; without the shell, which was made
     native: Mapping[str, TriSurface] = field(default_factory=dict)
 
     @property
-    def origin(self) -> Origin:
-        """Where the mesh comes from, as far as it is known."""
-        return Origin(
-            self.given,
-            fields=self.fields,
-            volumes=self.volumes,
-            age=self.ga,
-            hemisphere=self.hemi,
-            kind=self.kind,
-        )
+    def ga(self) -> float | None:
+        """Gestational age, weeks, if it is known."""
+        return self.origin.age
+
+    @property
+    def hemi(self) -> Literal["L", "R"] | None:
+        """Hemisphere, if it is known."""
+        return self.origin.hemisphere
 
     @property
     def points(self) -> FloatArray:
@@ -268,7 +261,7 @@ class Mesh:
     def named(self) -> TetMesh:
         """The mesh with its named sets and the numbers of its regions, as files hold it."""
         export = self.config.export
-        sets = {"sets": export.sets(self.kind), "labels": self.label_names, "units": export.field_units}
+        sets = {"sets": export.sets(self.origin.kind), "labels": self.label_names, "units": export.field_units}
         return with_named_sets(self.mesh, self.surface, self.origin, **sets)[0]
 
     @short_traceback
@@ -301,7 +294,7 @@ class Mesh:
                     path,
                     self.config,
                     self.origin,
-                    kind=self.kind,
+                    kind=self.origin.kind,
                     labels=self.label_names,
                     rows=self.tissue_rows,
                     force=force,
@@ -378,15 +371,9 @@ def mesh(
     >>> made.save("made.vtu").name
     'made.vtu'
     """
-    if not isinstance(settings, str | Path | Mapping | None):
-        what = f"an object of type {type(settings).__name__} holds no settings"
-        raise InputError(what, remedy='give a file, or keys by section: {"repair": {"enabled": True}}')
-    data = dict(settings) if isinstance(settings, Mapping) else read(Path(settings)) if settings is not None else {}
-    if cell_size is not None:
-        data["generate"] = {**(data.get("generate") or {}), "cell_size": cell_size}
     given = inputs(
         shape,
-        load(data),
+        load(sections(settings, cell_size)),
         ga=ga,
         hemi=hemi,
         inner=inner,
@@ -397,7 +384,7 @@ def mesh(
     )
     for line in given.said if progress is True else ():
         say(line)
-    return given.mesh(progress if callable(progress) else _told if progress else lambda _: None)
+    return given.mesh(teller(progress))
 
 
 @dataclass(frozen=True, eq=False)
@@ -410,34 +397,16 @@ class Inputs:
     #: region -> surface, in mm, without the shell
     native: Mapping[str, TriSurface]
     config: Config
-    ga: float | None
-    hemi: Literal["L", "R"] | None
-    #: which surface it is, if its file says so
-    kind: Literal["white", "pial"] | None
+    origin: Origin
     sphere: TriSurface | None
     volumes: Mapping[str, Volume]
     background: Sequence[Background]
-    #: as far as they come from files: the surface, its sphere, inner surfaces by name, all surfaces by region
+    #: as far as they come from files: the surface, its sphere, inner surfaces by name
     source: str | Path | None
     sphere_source: str | Path | None
     inner_files: Mapping[str, str]
-    region_files: Mapping[str, str | Path]
-    field_files: Mapping[str, str | Path]
-    volume_files: Mapping[str, str]
     #: what a user should know, in words
     said: Sequence[str]
-
-    @property
-    def facts(self) -> dict[str, Any]:
-        """What `pipeline.run` and `pipeline.mesh_surface` take besides the surface and the configuration."""
-        return {
-            "gestational_age": self.ga,
-            "hemisphere": self.hemi,
-            "source": self.source,
-            "inner_sources": self.inner_files,
-            "sphere": self.sphere,
-            "sphere_source": self.sphere_source,
-        }
 
     def mesh(self, progress: Callable[[Step], None], *, case: str | None = None) -> Mesh:
         """Mesh, certify and sample the volumes.
@@ -450,7 +419,12 @@ class Inputs:
         made = mesh_surface(
             self.surface,
             self.config,
-            **self.facts,
+            gestational_age=self.origin.age,
+            hemisphere=self.origin.hemisphere,
+            source=self.source,
+            inner_sources=self.inner_files,
+            sphere=self.sphere,
+            sphere_source=self.sphere_source,
             case=case if case is not None else Path(self.source).name.partition(".")[0] if self.source else "",
             progress=progress,
         )
@@ -463,23 +437,18 @@ class Inputs:
         )
         large = [one.sentence for one in self.background if one.large]
         read_from = (
-            *(self.source, self.sphere_source, *self.inner_files.values(), *self.field_files.values()),
+            *(self.source, self.sphere_source, *self.inner_files.values(), *self.origin.fields.values()),
             *(volume.file for volume in self.volumes.values()),
         )
         return Mesh(
             filled,
             with_remarks(made.certificate, large),
             made.surface,
-            self.ga,
-            self.hemi,
+            self.origin,
             self.config,
             inputs=tuple(Path(file) for file in read_from if file),
-            given=self.region_files,
-            fields=self.field_files,
-            volumes=self.volume_files,
             tissue_rows=tuple(rows),
             label_names=label_names(self.volumes),
-            kind=self.kind,
             native=self.native,
         )
 
@@ -530,23 +499,26 @@ def inputs(
         native = dict(list(native.items())[1:])
     require_in_place(images, in_mm)
     background = backgrounds(images, in_mm)
+    origin = Origin(
+        region_files,
+        fields=field_files,
+        volumes={name: str(file) for name, file in _files(volumes).items()},
+        age=None if ga is None else float(ga),
+        hemisphere=hemi or (hemisphere_of(source) if source else None),
+        kind=kind_of(source) if source else None,
+    )
     return Inputs(
         whole,
         in_mm,
         native,
         config,
-        None if ga is None else float(ga),
-        hemi or (hemisphere_of(source) if source else None),
-        kind_of(source) if source else None,
+        origin,
         None if sphere is None else surface(sphere),
         images,
         background,
         source=source,
         sphere_source=_file(sphere),
         inner_files=within.files,
-        region_files=region_files,
-        field_files=field_files,
-        volume_files={name: str(file) for name, file in _files(volumes).items()},
         said=[*within.told, *(one.sentence for one in background)],
     )
 
@@ -566,8 +538,11 @@ def _others(given: Mapping[str, Any] | None) -> dict[str, Any]:
     return {name: one for name, one in (given or {}).items() if not isinstance(one, str | Path)}
 
 
-def _told(step: Step) -> None:
-    say(f"{step.stage}: {step.seconds:.1f} s")
+def teller(progress: bool | Callable[[Step], None]) -> Callable[[Step], None]:
+    """What is called after every stage: the function of the user, or one that says the seconds of a stage, or none."""
+    if callable(progress):
+        return progress
+    return (lambda step: say(f"{step.stage}: {step.seconds:.1f} s")) if progress else lambda _: None
 
 
 def say(line: str) -> None:
@@ -575,10 +550,24 @@ def say(line: str) -> None:
     sys.stderr.write(f"{line}\n")
 
 
-def tetrahedra(made: TetMesh | Mesh | str | Path) -> TetMesh:
-    """The tetrahedral mesh from any object that holds one."""
+def tetrahedra(made: TetMesh | Mesh | str | Path, *, whole: bool = False) -> TetMesh:
+    """The tetrahedral mesh from any object that holds one; says if its file was changed after cortet wrote it.
+
+    Parameters
+    ----------
+    whole : whether a file that leaves out regions is refused
+    """
     if isinstance(made, str | Path):
-        return without_q(read_mesh(Path(made)))
+        file = Path(made)
+        if whole and (holes := (read_sidecar(file).get("made_from") or {}).get("holes")):
+            raise InputError(
+                f"lacks the tetrahedra inside {', '.join(holes)}, and this needs the whole mesh",
+                file=file,
+                remedy="mesh again without holes",
+            )
+        if changed_since(file):
+            say(f"{file}: {CHANGED}")
+        return without_q(read_mesh(file))
     if isinstance(made, Mesh | TetMesh):
         return made.mesh if isinstance(made, Mesh) else made
     raise InputError(

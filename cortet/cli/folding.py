@@ -9,21 +9,21 @@ from typing import Annotated
 
 from cyclopts import App, Group, Parameter, Token
 
-from cortet.cli.given import read_mesh, stem_of
+import cortet
 from cortet.cli.shared import GROWTH, Common, Configured, Writes, add
 from cortet.cli.values import (
+    FieldsFile,
     FolderOfFiles,
     Hemisphere,
     InputFile,
     MeshFile,
     Number,
     O,
-    OutputFile,
     Picture,
     number,
     pairs,
 )
-from cortet.errors import InputError, UsageError
+from cortet.errors import InputError
 from cortet.formats.atomic import recorded
 from cortet.formats.ownership import may_write
 from cortet.geometry.limits import FOLD_AGES
@@ -103,6 +103,7 @@ def fold(
     """
     from numba import get_num_threads, set_num_threads
 
+    from cortet.api.meshing import tetrahedra
     from cortet.config import load
     from cortet.folding.fold import SAME_AGE, fold
     from cortet.folding.fold_figures import FILM, NUMBERS, PICTURE, draw
@@ -114,7 +115,7 @@ def fold(
     from cortet.formats.gifti import kind_of, read_surface, require_same_hemisphere
     from cortet.solver_files.surface_map import map_of_file
 
-    mesh = read_mesh(file, whole=True)
+    mesh = tetrahedra(file, whole=True)
     age, side = brain_of(file, ga, hemi)
     if age is None:
         raise InputError("does not say for which gestational age it was made", file=file, remedy="add --ga WEEKS")
@@ -145,7 +146,7 @@ def fold(
     home = map_of_file(file, mesh) if weeks else None
     homes = {}
     if home:
-        homes = {week: surface_files(output, stem_of(file), week, kind_of(home[1])) for week in weeks}
+        homes = {week: surface_files(output, file.stem, week, kind_of(home[1])) for week in weeks}
         for path in [path for some in homes.values() for path in some.values()]:
             may_write(path)
     live = sys.stdout.isatty()
@@ -185,7 +186,7 @@ def growth(
     /,
     *,
     ages: Annotated[tuple[float, float], number(*FOLD_AGES, "WEEKS")],
-    output: Annotated[OutputFile, O, Parameter(metavar="GII")],
+    output: Annotated[FieldsFile, O],
     spheres: Annotated[tuple[Path, Path] | None, Parameter(metavar="GII")] = None,
     smooth: Annotated[float | None, number(0, 50, "MM")] = None,
     picture: Picture | None = None,
@@ -214,23 +215,14 @@ def growth(
     --------
     cortet growth week28.surf.gii week30.surf.gii --ages 28 30 -o growth.func.gii
     """
-    from cortet.api import folding as calls
     from cortet.formats.gifti import read_surface, write_fields
-    from cortet.solver_files.names import growth_field
 
-    start, end = ages
-    if not start < end:
-        raise UsageError(
-            f"the later age, {end:g} weeks, is not after the early one, {start:g}", remedy="give the earlier age first"
-        )
-    if output.suffix != ".gii":
-        raise UsageError("is not the name of a GIfTI file", file=output, remedy="end it in .func.gii")
-    stem = stem_of(output).removesuffix(".func").removesuffix(".shape")
+    stem = output.stem.removesuffix(".func").removesuffix(".shape")
     metrics, record = (output.with_name(f"{stem}{ending}") for ending in (".shape.gii", ".growth.json"))
     for path in (metrics, record):
         may_write(path)
-    young = read_surface(early)
-    fields, found = calls.growth(young, later, ages, spheres=spheres, smooth=smooth)
+    fields, found = cortet.growth(early, later, ages, spheres=spheres, smooth=smooth)
+    (name,), (start, end) = fields, ages
     report = {
         "early": {"file": str(early), "gestational_age_weeks": start},
         "later": {"file": str(later), "gestational_age_weeks": end},
@@ -240,7 +232,7 @@ def growth(
         "volume_ratio": found.volume_ratio,
         "area_ratio_percentiles": found.percentiles,
         "fields": {
-            growth_field(end): "logarithm of the stretch along the surface: xx, yy, zz, xy, xz, yz",
+            name: "logarithm of the stretch along the surface: xx, yy, zz, xy, xz, yz",
             "area_ratio": "later over early area",
             "stretch_largest, stretch_smallest": "principal stretches along the surface",
             "beyond_the_whole": "stretch of the square root of the area over that of the cube root of the volume",
@@ -253,11 +245,11 @@ def growth(
             from cortet.report.figures import save
             from cortet.report.surface_maps import maps_figure
 
-            save(maps_figure(young, {"area ratio": found.metrics["area_ratio"]}), place(picture))
+            save(maps_figure(read_surface(early), {"area ratio": found.metrics["area_ratio"]}), place(picture))
     low, middle, high = (found.percentiles[key] for key in ("5", "50", "95"))
     print(f"from {start:g} to {end:g} weeks the area grows by {found.area_ratio:.3f}, the volume by ", end="")
     print(f"{found.volume_ratio:.3f}; the median vertex by {middle:.2f}, 90 % of them by {low:.2f} to {high:.2f}")
     print(f"smoothed along the surface over {found.width_mm:.1f} mm (full width at half maximum)")
     print(f"{output}: written, with {metrics.name} and {record.name}; pass it to cortet mesh by ", end="")
-    print(f"--field {growth_field(end)}={output}")
+    print(f"--field {name}={output}")
     return 0

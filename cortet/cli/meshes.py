@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, Parameter
 
-from cortet.cli.given import draw, read_mesh, stem_of
+import cortet
 from cortet.cli.shared import MESHES, Common, Limits, Writes, add
 from cortet.cli.values import (
     Below,
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cortet.measure.certify import Certificate
-    from cortet.meshes import TetMesh, TriSurface
+    from cortet.meshes import TriSurface
     from cortet.solver_files.surface_map import Depth as DepthOfMap
     from cortet.solver_files.surface_map import SurfaceMap
 
@@ -58,10 +58,11 @@ def quality(file: MeshFile, /, *, json: bool = False, _: Common = Common()) -> i
     --------
     cortet quality lh.vtu
     """
+    from cortet.api.meshing import tetrahedra
     from cortet.measure.quality import signed_volumes, summarise
     from cortet.stages.gate import require_size
 
-    mesh = read_mesh(file)
+    mesh = tetrahedra(file)
     found = summarise(mesh)
     if json:
         print(json_format.dumps(asdict(found), indent=2, allow_nan=False))
@@ -112,16 +113,9 @@ def certify(
     cortet certify lh.vtu lh.pial.surf.gii --cell-size 0.6
     """
     from cortet.formats.atomic import write_json
-    from cortet.solver_files.sets import with_regions
-    from cortet.stages.separate import separate
 
-    mesh = read_mesh(file, whole=True)
-    filled, source = filled_surface(file, surface, inner)
-    if filled.inner:
-        mesh = with_regions(mesh, list(filled.inner))
-        if limits.cell_size is not None and source == surface:  # not as meshed: separate them as then
-            filled, _report = separate(filled, cell_size=limits.cell_size)
-    certificate = _checked(mesh, filled, file, source, limits)
+    certificate = cortet.certify(file, surface, limits.cell_size, limits.settings(), inner=dict(inner))
+    _say_meshed(Path(certificate.input["file"]), surface, file)
     if output:
         write_json(asdict(certificate), output)
     for check in certificate.checks:
@@ -130,34 +124,19 @@ def certify(
     return 0 if certificate.certified else 1
 
 
-def filled_surface(mesh: Path, given: Path | None, inner: Sequence[tuple[str, str]] = ()) -> tuple[TriSurface, Path]:
-    """The surface that a mesh fills, with its inner ones, as meshed if that was kept, else as given; and its file."""
-    from cortet.solver_files.meshed import meshed_surface
-
-    surface, source = meshed_surface(mesh, given, {name: Path(file) for name, file in inner})
+def _say_meshed(source: Path, given: Path | None, mesh: Path) -> None:
+    """Say which surface takes the place of the one that was given, if another one does."""
     if source != given:
         print(f"{source}: the surface that was meshed, according to the sidecar of {mesh.name}")
-    return surface, source
 
 
-def _checked(mesh: TetMesh, surface: TriSurface, file: Path, source: Path, limits: Limits) -> Certificate:
-    """The certificate of the mesh of a file, by the limits given to the command and the cell size if that is known."""
-    from cortet.config import load
-    from cortet.measure.certify import certify
-    from cortet.solver_files.meshed import cell_size_of
+def _filled_surface(mesh: Path, given: Path | None) -> TriSurface:
+    """The surface that a mesh fills, as meshed if that was kept, else as given."""
+    from cortet.solver_files.meshed import meshed_surface
 
-    given = {"q_max": limits.q_max, "max_boundary_distance": limits.max_boundary_distance}
-    section = {key: None if value == math.inf else value for key, value in given.items() if value is not None}
-    config, cell_size = load({"certify": section}), limits.cell_size or cell_size_of(file)
-    return certify(
-        mesh,
-        surface,
-        config.certify,
-        cell_size=cell_size,
-        case=stem_of(file),
-        source=source,
-        parameters={"certify": {**config.certify.values(), "cell_size": cell_size}},
-    )
+    surface, source = meshed_surface(mesh, given, {})
+    _say_meshed(source, given, mesh)
+    return surface
 
 
 def compare(
@@ -185,14 +164,15 @@ def compare(
     from cortet.api.checking import side_by_side
     from cortet.formats.tsv import write_tsv
 
-    names = _names_of(files)
-    filled, source = filled_surface(files[0], surface)
-    certificates = {name: _checked(read_mesh(file), filled, file, source, limits) for name, file in names.items()}
+    names, filled = _names_of(files), _filled_surface(files[0], surface)
+    certificates = {
+        name: cortet.certify(file, filled, limits.cell_size, limits.settings()) for name, file in names.items()
+    }
     table = side_by_side(certificates)
     print(table.to_string(justify="left"))
     for name, certificate in certificates.items():
-        verdict = "certified" if certificate.certified else "NOT certified: " + "; ".join(certificate.reasons)
-        print(f"{name}: {verdict}")
+        print(f"{name}: ", end="")
+        print_verdict(certificate)
     if output:
         write_tsv(table.rename_axis("number").reset_index().to_dict("records"), ["number", *table.columns], output)
         print(f"{output}: written")
@@ -201,7 +181,7 @@ def compare(
 
 def _names_of(files: Sequence[Path]) -> dict[str, Path]:
     """The column of each file: its stem, or the file itself if two have the same stem, or that of the limits."""
-    stems = [stem_of(file) for file in files]
+    stems = [file.stem for file in files]
     taken = {stem for stem in stems if stems.count(stem) > 1} | {"limit"}
     names = {str(file) if stem in taken else stem: file for stem, file in zip(stems, files, strict=True)}
     if len(names) < len(files):
@@ -268,11 +248,11 @@ def quadratic(
     --------
     cortet quadratic lh.vtu -o lh10.inp
     """
+    from cortet.api.meshing import tetrahedra
     from cortet.geometry.quadratic import quadratic
     from cortet.solver_files.ten_nodes import write_ten_nodes
 
-    mesh = read_mesh(file, whole=True)
-    filled, _source = filled_surface(file, surface)
+    mesh, filled = tetrahedra(file, whole=True), _filled_surface(file, surface)
     limit = None if max_boundary_distance == math.inf else max_boundary_distance
     curved = quadratic(mesh, filled, max_boundary_distance=limit)
     told = write_ten_nodes(mesh, curved, output)
@@ -316,7 +296,11 @@ def picture(
     --------
     cortet picture lh.vtu -o lh.png --plane x --view right
     """
-    draw(read_mesh(file), output, axis=plane, position=position, view=view, regions=region)
+    from cortet.api.meshing import tetrahedra
+    from cortet.report import render
+
+    render.picture(tetrahedra(file), output, axis=plane, position=position, view=view, regions=region)
+    print(f"{output}: drawn")
     return 0
 
 
@@ -359,6 +343,7 @@ def project(
     --------
     cortet project result.vtu --mesh lh.vtu -o lh.func.gii
     """
+    from cortet.api.meshing import tetrahedra
     from cortet.config.stages import Resample
     from cortet.formats.gifti import hemisphere_of, require_same_hemisphere, write_fields
     from cortet.formats.ownership import may_write
@@ -372,10 +357,10 @@ def project(
 
     if (sphere is None) != (template_sphere is None):
         raise InputError("one sphere is missing", remedy="give both --sphere and --template-sphere, or none")
-    table = output.with_name(f"{stem_of(output).removesuffix('.func')}.parcels.tsv")
+    table = output.with_name(f"{output.stem.removesuffix('.func')}.parcels.tsv")
     if parcels:
         may_write(table)
-    content = read_mesh(mesh)
+    content = tetrahedra(mesh)
     found, file, how = map_of_file(mesh, content, surface)
     print(f"{file}: {how}")
     hemisphere = (read_sidecar(mesh).get("made_from") or {}).get("hemisphere") or hemisphere_of(file)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
-from cortet.cli.given import draw, read_mesh, stem_of
+import cortet
 from cortet.cli.meshes import print_verdict
 from cortet.cli.shared import MESHES, Configured, Writes, add
 from cortet.cli.values import InnerFiles, InputFile, MeshFile, NamedFiles, O, OutputFile, Picture, Sizes, number
@@ -101,7 +101,8 @@ class Views:
             slices(made.mesh, *next(iter(given.volumes.items())), place(self.slices), given.in_mm.frame)
             print(f"{self.slices}: drawn")
         if self.picture:
-            draw(made.named(), self.picture, place)
+            made.picture(place(self.picture))
+            print(f"{self.picture}: drawn")
         if self.page:
             from cortet.formats.gifti import kind_of
             from cortet.report.case_page import Checked, about, write_case_page
@@ -172,19 +173,19 @@ def mesh(
         if view and view.absolute() in [one.absolute() for one in every]:
             refuse_companion(view)
     if not how.force:
-        require_own_stem(output, given.region_files, cell_size=config.generate.cell_size[0])
+        require_own_stem(output, given.origin.given, cell_size=config.generate.cell_size[0])
     require_regions(config.export.holes, inner)
     for said in given.said:
         print(said)
     progress = Progress(config, line.ga, nested=bool(inner), registered=given.sphere is not None)
-    made = given.mesh(progress, case=stem_of(output))
+    made = given.mesh(progress, case=output.stem)
     certificate = made.certificate
     told = save(
         Meshed(made.mesh, certificate, made.surface),
         output,
         config,
         made.origin,
-        kind=made.kind,
+        kind=made.origin.kind,
         labels=made.label_names,
         rows=made.tissue_rows,
         force=how.force,
@@ -200,7 +201,7 @@ def mesh(
             print(f"{output}: {what}")
         meshed = next(iter(beside.surfaces.values())).name
         print(f"{output}: written, with the surface that was meshed: {meshed}")
-        if made.kind == "white" and not inner:
+        if made.origin.kind == "white" and not inner:
             print(WHITE_ALONE)
     else:
         print(f"{output}: not written")
@@ -229,13 +230,13 @@ def improve(
     --------
     cortet improve brain.msh --surface lh.pial.surf.gii -o better.vtu
     """
-    from cortet import api
+    from cortet.formats import read_mesh
     from cortet.measure.quality import summarise
     from cortet.pipeline import companions
 
     format_of(output)
-    before = summarise(read_mesh(file, whole=True))
-    made = api.improve(file, surface, configured.cell_size, settings=configured.settings())
+    before = summarise(read_mesh(file))
+    made = cortet.improve(file, surface, configured.cell_size, settings=configured.settings())
     now = made.certificate.quality
     print(f"worst q {before.q.max:.3f}, now {now.q.max:.3f}; {before.tets:,} tetrahedra, now {now.tets:,}")
     print_verdict(made.certificate)

@@ -6,6 +6,7 @@ import inspect
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Annotated, Any
 
 from cyclopts import App, Group, Parameter
@@ -77,16 +78,11 @@ class Configured:
 
     def settings(self, sizes: Iterable[tuple[str, float | None]] = (), holes: Sequence[str] = ()) -> dict[str, Any]:
         """The sections of the file; options of the command take precedence."""
-        from cortet.config import load, read
+        from cortet.api.given import sections as sections_of
 
-        data: dict[str, Any] = {}
-        if self.config:
-            load(self.config)  # its errors name the file
-            data = read(self.config)
+        data = sections_of(self.config, self.cell_size)
         if self.setting:
             data["setting"] = self.setting
-        if self.cell_size is not None:
-            data = with_keys(data, "generate", cell_size=self.cell_size)
         if sizes:
             data = with_keys(data, "generate", sizes=dict(sizes))
         if holes:
@@ -121,3 +117,8 @@ class Limits:
             "it first, as for meshing (default: not known, no limit)."
         ),
     ] = None
+
+    def settings(self) -> dict[str, Any]:
+        """The section of the configuration with those that were given."""
+        given = {"q_max": self.q_max, "max_boundary_distance": self.max_boundary_distance}
+        return {"certify": {key: None if value == inf else value for key, value in given.items() if value is not None}}

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
-from cortet.cli.given import stem_of
 from cortet.cli.shared import SURFACES, Common, Writes, add
 from cortet.cli.values import FolderOfFiles, Hemisphere, InputFile, NamedFiles, O, SurfaceFile, number
 from cortet.errors import CortetError
@@ -129,7 +128,7 @@ def repair(
     from cortet.solver_files.fields import with_fields
     from cortet.stages.repair import repair
 
-    record = output.with_name(f"{stem_of(output)}.repair.json")
+    record = output.with_name(f"{output.stem}.repair.json")
     may_write(record)
     chosen = load(config or {})
     given = with_fields(read_surface(surface, finite=False), dict(field))
@@ -184,7 +183,7 @@ def resample(
     from cortet.solver_files.fields import with_fields
     from cortet.stages import STAGES, arguments_of
 
-    record = output.with_name(f"{stem_of(output)}.resample.json")
+    record = output.with_name(f"{output.stem}.resample.json")
     may_write(record)
     chosen = load(config or {})
     native = placed(with_fields(read_surface(surface), dict(field)), chosen.placement())

@@ -111,16 +111,16 @@ class FolderOfFiles(type(Path())):  # type: ignore[misc]
 WRITTEN = (OutputFile, CheckedOutput, FolderOfFiles)
 
 
-def _gifti(ending: str) -> Parameter:
-    """A GIfTI file that a command writes; `ending` is what its name should have."""
+def _written(metavar: str, *endings: str) -> Parameter:
+    """A file that a command writes, whose name has one of these endings; messages propose the first."""
 
     def read(_: object, tokens: Sequence[Token]) -> OutputFile:
         text = tokens[-1].value
-        if not text.endswith(".gii"):
-            raise ValueError(f"{text!r} is not the name of a GIfTI file; end it in {ending}")
+        if not text.endswith(endings):
+            raise ValueError(f"{text!r} does not end in {endings[0]}")
         return OutputFile(text)
 
-    return Parameter(converter=read, metavar="GII")
+    return Parameter(converter=read, metavar=metavar)
 
 
 @dataclass(frozen=True)
@@ -153,28 +153,12 @@ def _formats(_: object, tokens: Sequence[Token]) -> list[str]:
     return list(dict.fromkeys(known[word] for word in words))
 
 
-def _picture(_: object, tokens: Sequence[Token]) -> OutputFile:
-    """A file to write that ends in .png."""
-    text = tokens[-1].value
-    if not text.lower().endswith(".png"):
-        raise ValueError(f"{text!r} does not end in .png")
-    return OutputFile(text)
-
-
-def _table(_: object, tokens: Sequence[Token]) -> OutputFile:
-    """A file to write that ends in .tsv."""
-    text = tokens[-1].value
-    if not text.endswith(".tsv"):
-        raise ValueError(f"{text!r} does not end in .tsv; the page of a comparison went")
-    return OutputFile(text)
-
-
 # Of a docstring help keeps the ends of lines, so longer help stands here.
 
 #: the option `-o`
 O = Parameter(alias="-o")  # noqa: E741
-SurfaceFile = Annotated[OutputFile, _gifti(".surf.gii")]
-FieldsFile = Annotated[OutputFile, _gifti(".func.gii")]
+SurfaceFile = Annotated[OutputFile, _written("GII", ".surf.gii", ".gii")]
+FieldsFile = Annotated[OutputFile, _written("GII", ".func.gii", ".gii")]
 Depth = Annotated[
     Below,
     Parameter(
@@ -186,8 +170,8 @@ Depth = Annotated[
         "cortex, 50% or 0:100% (default: on the surface).",
     ),
 ]
-TableFile = Annotated[OutputFile, Parameter(converter=_table, metavar="TSV")]
-Picture = Annotated[OutputFile, Parameter(converter=_picture, metavar="PNG")]
+TableFile = Annotated[OutputFile, _written("TSV", ".tsv")]
+Picture = Annotated[OutputFile, _written("PNG", ".png", ".PNG")]
 MeshFile = Annotated[Path, Parameter(name="MESH")]
 InputFile = Annotated[Path, Parameter(metavar="FILE")]
 CellSize = Annotated[float, number(*CELL_SIZE_MM, "MM")]

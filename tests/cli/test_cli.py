@@ -78,7 +78,7 @@ def test_wrong_usage_exits_with_2(arguments, capsys):
     [
         ("mesh x.surf.gii -o y.vtu --slices y.png", "--slices needs a volume"),
         ("mesh x.surf.gii -o y.vtu --inner a=a.gii --inner a=b.gii", "--inner names a twice"),
-        ("growth a.gii b.gii --ages 30 28 -o y.func.gii", "not after the early one"),
+        ("growth a.gii b.gii --ages 30 28 -o y.func.gii", "not an early and a later age"),
     ],
 )
 def test_options_that_do_not_go_together_are_wrong_usage(words, told, capsys):
@@ -317,7 +317,7 @@ def test_a_white_surface_is_meshed_without_a_cortex_and_that_is_said(tmp_path, c
     assert main([*command, "--config", str(tmp_path / "layer.yaml")]) == 0
     assert json.loads((tmp_path / "x.vtu.json").read_text())["sets"]["cells"].keys() == {"core", "cortex"}
     made = cortet.mesh(given, 5.0, progress=False)
-    assert made.kind == "white" and made.named().sets.cells.keys() == {"core"}
+    assert made.origin.kind == "white" and made.named().sets.cells.keys() == {"core"}
 
 
 def test_phantom_writes_a_surface_of_that_age(tmp_path, capsys):
@@ -528,7 +528,7 @@ def test_meshes_of_one_surface_are_compared_by_the_same_limits(tmp_path, capsys)
 
     said = capsys.readouterr().out
     assert "exact: certified\n" in said
-    assert "larger: NOT certified: distance of a boundary node to the surface" in said
+    assert "larger: NOT certified:\n  distance of a boundary node to the surface" in said
     rows = read_tsv(table).set_index("number")
     assert list(rows.columns) == ["limit", "exact", "larger"]
     distance = rows.loc["Distance of a boundary node to the surface, at most"]
