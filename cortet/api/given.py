@@ -35,21 +35,21 @@ class Later(ModuleType):
         return getattr(import_module(self.__name__), name)
 
 
-def values_of(given: ArrayLike) -> NDArray[Any]:
+def values_of(given: ArrayLike, what: str = "values") -> NDArray[Any]:
     """Numbers or labels, one or several for each place: (n,) or (n, k); masked numbers are NaN."""
     try:
         if isinstance(given, np.ma.MaskedArray):
             if np.issubdtype(given.dtype, np.integer):
-                _require_unmasked(given, "values")
+                _require_unmasked(given, what)
             else:
                 given = np.ma.filled(np.ma.asarray(given, np.float64), np.nan)
         values = np.asarray(given)
         values = values.astype(np.float64) if values.dtype == object else values
     except (TypeError, ValueError) as error:  # rows of several lengths, or things without a number
-        raise InputError(f"values are no numbers: {error}", remedy="give numbers, (n,) or (n, k)") from error
+        raise InputError(f"{what}: not all are numbers: {error}", remedy="give numbers, (n,) or (n, k)") from error
     if values.dtype.kind not in "biuf" or values.ndim not in (1, 2):
         raise InputError(
-            f"values are of the type {values.dtype} and the shape {values.shape}", remedy="give numbers, (n,) or (n, k)"
+            f"{what}: the type is {values.dtype} and the shape {values.shape}", remedy="give numbers, (n,) or (n, k)"
         )
     return values
 
@@ -134,13 +134,7 @@ def require_fields(fields: Mapping[str, Any]) -> None:
     for name, values in fields.items():
         if not (isinstance(name, str) and re.fullmatch(r"\w[\w .-]*", name)):
             raise InputError(f"{name!r} is not the name of a field", remedy="use letters, digits, _ and -")
-        _require_unmasked(values, f"the field {name}")
-        if (kind := np.asarray(values).dtype).kind not in "fiub":
-            raise InputError(f"the field {name} holds values of type {kind}", remedy="give real numbers")
-        if np.ndim(values) not in (1, 2):
-            what = f"the field {name} is an array of {np.ndim(values)} dimensions"
-            raise InputError(what, remedy="give a value per vertex, (n,), or a row of values, (n, k)")
-        require_finite(np.asarray(values), f"the field {name}")
+        require_finite(values_of(values, f"the field {name}"), f"the field {name}")
 
 
 def _of_polydata(shape: Any) -> TriSurface:

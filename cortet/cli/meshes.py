@@ -60,32 +60,25 @@ def quality(file: MeshFile, /, *, json: bool = False, _: Common = Common()) -> i
     """
     from cortet.api.meshing import tetrahedra
     from cortet.measure.quality import signed_volumes, summarise
+    from cortet.report.records import ELEMENTS
     from cortet.stages.gate import require_size
 
     mesh = tetrahedra(file)
-    found = summarise(mesh)
+    found = asdict(summarise(mesh))
     if json:
-        print(json_format.dumps(asdict(found), indent=2, allow_nan=False))
+        print(json_format.dumps(found, indent=2, allow_nan=False))
         return 0
-    other = {"1 - mean ratio": found.one_minus_mean_ratio, "1 - radius ratio": found.one_minus_radius_ratio}
-    rows = {
-        "nodes": f"{found.nodes:,}",
-        "tetrahedra": f"{found.tets:,}",
-        "q": f"worst {found.q.max:.4f}, mean {found.q.mean:.4f}, standard deviation {found.q.sd:.4f}",
-        "tetrahedra by q": ", ".join(f"{count:,} above {limit}" for limit, count in found.count_above.items()),
-        **{name: f"worst {measure.max:.4f}, mean {measure.mean:.4f}" for name, measure in other.items()},
-        "dihedral angles": f"{found.dihedral_min_deg:.1f} to {found.dihedral_max_deg:.1f} degrees",
-        "edges": f"{found.shortest_edge_mm:.3f} to {found.longest_edge_mm:.3f} mm",
-        "smallest volume": f"{found.volume_min_mm3:.3g} mm3",
-        "stable time step": f"{found.stable_time_step:.4g}, in mm / sqrt(mu / density)",
+    further = {
+        "Smallest volume": "{volume_min_mm3:.3g} mm3",
+        "Stable time step": "{stable_time_step:.4g}, in mm / sqrt(mu / density)",
     }
-    for name, value in rows.items():
-        print(f"{name:<18}{value}")
+    for name, form in {**ELEMENTS, **further}.items():
+        print(f"{name:<30}{form.format_map(found)}")
     extents, volumes = mesh.points.max(axis=0) - mesh.points.min(axis=0), signed_volumes(mesh.points, mesh.cells)
     try:
         require_size(extents, float(abs(volumes).sum()) / 1000, option="cortet convert --source-unit")
     except InputError as error:
-        print(f"{'warning':<18}{error}")
+        print(f"{'Warning':<30}{error}")
     return 0
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -14,14 +13,12 @@ import pandas as pd
 from cortet.formats.tables import headed
 from cortet.geometry.mending import measurable
 from cortet.geometry.topology import surface_topology
-from cortet.measure.checks import beside_limit, in_words
-from cortet.measure.counts import COUNTED_LIMITS
 from cortet.meshes import TetMesh, TriSurface, region_names
 from cortet.report import pages, pictures, published
 from cortet.report.boundary_view import boundary_view
 from cortet.report.figures import mesh_quality_figures, svg
 from cortet.report.pages import Part
-from cortet.report.stage_sentences import Certificate
+from cortet.report.records import ELEMENTS, Certificate, limit_of, of_check
 from cortet.solver_files.volumes import TISSUE_COLUMNS
 from cortet.stages import STAGES
 
@@ -41,21 +38,6 @@ _NOT_FINITE = "The coordinates of the surface are not finite, so it cannot be dr
 NOTHING: Mapping[str, str] = MappingProxyType({})
 #: entries of `ELEMENTS` at the top of the page
 _SIZE = ("Nodes", "Tetrahedra")
-_COMPARED = {"<": "below", "<=": "at most", "==": "exactly", ">=": "at least"}
-
-#: name of a number of the elements -> its form, filled from the `quality` of the certificate
-ELEMENTS = {
-    "Nodes": "{nodes:,}",
-    "Tetrahedra": "{tets:,}",
-    "Mean q": "{q[mean]:.4f}",
-    "Worst q": "{q[max]:.4f}",
-    **{f"Elements with q > {limit}": f"{{count_above[{limit}]:,}}" for limit in COUNTED_LIMITS},
-    "Worst 1 - mean ratio": "{one_minus_mean_ratio[max]:.3f}",
-    "Worst 1 - radius ratio": "{one_minus_radius_ratio[max]:.3f}",
-    "Worst 1 - radius-edge ratio": "{one_minus_radius_edge[max]:.3f}",
-    "Dihedral angles": "{dihedral_min_deg:.1f}° to {dihedral_max_deg:.1f}°",
-    "Edges": "{shortest_edge_mm:.3f} to {longest_edge_mm:.3f} mm",
-}
 
 
 class Checked(NamedTuple):
@@ -157,22 +139,6 @@ def about(case: Mapping[str, Any]) -> dict[str, str]:
         "Mesher": case.get("mesher"),
     }
     return {name: value for name, value in known.items() if value}
-
-
-def of_check(check: Mapping[str, Any]) -> dict[str, Any]:
-    """A check of a certificate with its `name`, `value` and `limit` as text with units."""
-    unit = f" {check['unit']}" if check["unit"] else ""
-    value, limit = in_words(check["value"]), "no limit"
-    if check["comparison"]:
-        value, most = beside_limit(check["value"], check["limit"])
-        limit = f"{_COMPARED[check['comparison']]} {most}{unit}"
-    name = re.sub(r"^[a-z](?=[a-z])", lambda letter: letter[0].upper(), check["name"])  # unless it begins with a symbol
-    return {**check, "name": name, "value": f"{value}{unit}", "limit": limit}
-
-
-def limit_of(certificate: Certificate, check_id: str) -> float:
-    """Limit of a check, by its identifier."""
-    return float(next(check["limit"] for check in certificate["checks"] if check["id"] == check_id))
 
 
 def _input_surface(surface: TriSurface) -> list[Part]:

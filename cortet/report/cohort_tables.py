@@ -14,8 +14,7 @@ from cortet.formats.tables import Column, names, read_columns, values
 from cortet.formats.tsv import read_tsv
 from cortet.measure.counts import COUNTED_LIMITS
 from cortet.report import DATA
-from cortet.report.records import read_record
-from cortet.report.stage_sentences import Certificate
+from cortet.report.records import Certificate, read_record
 from cortet.report.table_files import Table, mean_and_sd, median_and_range, write
 from cortet.solver_files.volumes import TISSUE_COLUMNS
 
@@ -50,13 +49,12 @@ STAGES = Table(
         ),
     ),
 )
-#: which mesh a row is about
-_MESH = (
-    Column("case", "Name of the case; its files begin with it", heading="Case"),
-    Column("scan_age", "Gestational age at scan", "weeks", heading="Age (weeks)", form="g"),
-    Column("cell_size_mm", "Cell size h", "mm", heading="h (mm)", form="g"),
-    Column("mesher", "Mesher of stage S1"),
-)
+#: columns that say which mesh a row is about
+_MESH = [
+    column
+    for column in (*CASE_COLUMNS, *QUALITY_COLUMNS)
+    if column.name in ("case", "scan_age", "cell_size_mm", "mesher")
+]
 #: columns of `cohort_tissues.tsv`
 TISSUES = Table("Tissue in every mesh, by the labels of its volumes", (*_MESH, *TISSUE_COLUMNS), group=("case",))
 #: one row per cell size and mesher, in the format of Table 1 of the CORTET paper

@@ -15,7 +15,8 @@ from cortet.cohort.sheet import Case
 from cortet.formats.atomic import atomic_path
 from cortet.measure.checks import Check
 from cortet.report import DATA
-from cortet.report.stage_sentences import Certificate, counted, stage_sentences
+from cortet.report.records import Certificate, limit_of
+from cortet.report.stage_sentences import counted, stage_sentences
 from cortet.version import __version__
 
 VERSION: int = 6
@@ -167,7 +168,7 @@ def _for_readers(reason: str) -> str:
 
 def _outcome(certificates: Sequence[Certificate]) -> list[str]:
     worst = [content["quality"]["q"]["max"] for content in certificates]
-    limit = next(check["limit"] for check in certificates[0]["checks"] if check["id"] == "worst_q")
+    limit = limit_of(certificates[0], "worst_q")
     certified = sum(content["certified"] for content in certificates)
     sentences = [
         "Quality was measured as q = 1 - √2 · 6V / l³ (V volume, l root mean square edge length; 0 for a regular "

@@ -7,9 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cortet.meshers import MESHERS
-
-#: content of a certificate.json
-Certificate = Mapping[str, Any]
+from cortet.report.records import Certificate
 
 _BOUNDARY = {
     "fixed": "boundary nodes fixed",

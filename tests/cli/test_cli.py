@@ -247,13 +247,13 @@ def test_quality_prints_a_table_and_the_record_on_request(tmp_path, capsys):
     vtu.write(cube_mesh(2, side=20.0), tmp_path / "cube.vtu")
     assert main(["quality", str(tmp_path / "cube.vtu")]) == 0
     table = capsys.readouterr().out
-    assert "tetrahedra        48" in table and len(table.splitlines()) == 10
+    assert re.search("^Tetrahedra +48$", table, re.MULTILINE) and "Stable time step" in table
     vtu.write(cube_mesh(2, side=0.02), tmp_path / "metres.vtu")
     assert main(["quality", str(tmp_path / "metres.vtu")]) == 0
     assert "in m," in capsys.readouterr().out
     assert main(["quality", str(tmp_path / "cube.vtu"), "--json"]) == 0
     record = json.loads(capsys.readouterr().out)
-    assert record["tets"] == 48 and f"worst {record['q']['max']:.4f}" in table
+    assert record["tets"] == 48 and f"{record['q']['max']:.4f}" in table
 
 
 def test_config_prints_a_configuration_that_can_be_used(tmp_path, capsys):
