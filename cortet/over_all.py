@@ -351,7 +351,7 @@ def _write_page(plan: Plan, *, began: str = "") -> None:
         (quality[0], quality[1]) if measured else None,
         plan.layout.cohort_page,
         meshes=[
-            {**row, "thumbnail": data_uri(file.read_bytes(), "image/webp") if file.exists() else None}
+            {**row, "thumbnail": data_uri(file.read_bytes()) if file.exists() else None}
             for row, file in zip(plan.listed_on_page(), small, strict=True)
         ],
         charts={name: svg(figure) for name, figure in charts.items()},

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 import sys
-from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
@@ -577,6 +576,7 @@ def tetrahedra(made: TetMesh | Mesh | str | Path, *, whole: bool = False) -> Tet
 
 def image(pixels: NDArray[np.uint8]) -> str:
     """A picture as an HTML element."""
+    from cortet.report.pages import data_uri
     from cortet.report.render import webp
 
-    return f'<img src="data:image/webp;base64,{b64encode(webp(pixels)).decode()}" alt="">'
+    return f'<img src="{data_uri(webp(pixels))}" alt="">'

@@ -45,7 +45,6 @@ _COLOURS = (*COLOURS, "#56B4E9", "#44AA99", "#882255", "#8A6D3B", "#6B6B6B")
 
 
 _CURVES = {
-    "name": "Figure of folding",
     "alt": "Gyrification index and area over volume to the power of two thirds of every fold against gestational age, "
     "real brains as points; the table has the numbers",
 }

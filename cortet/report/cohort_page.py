@@ -10,7 +10,6 @@ from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
-from matplotlib.image import imread
 
 from cortet.cohort.status import COLUMNS as STATUS
 from cortet.formats.tables import Column, headed, sidecar
@@ -18,6 +17,7 @@ from cortet.formats.tsv import MISSING, cell, read_tsv
 from cortet.report import pages
 from cortet.report.cohort_tables import CASE_COLUMNS, QUALITY_COLUMNS
 from cortet.report.pages import SIDES, Panel, Part
+from cortet.report.pictures import captioned, png
 from cortet.report.results import PagePart
 
 Row = Mapping[str, str]
@@ -111,7 +111,11 @@ def write_cohort_page(
         ]
         panels.append(Panel("age", "Against age" if aged else "By case", [("charts", shown)]))
     if maps:
-        panels.append(Panel("maps", "On the common mesh", [("maps", [_map_picture(*one) for one in maps.items()])]))
+        drawn = [
+            captioned(png(file), f"Means over the {SIDES[hemi]} hemispheres, at the vertices that they share")
+            for hemi, file in maps.items()
+        ]
+        panels.append(Panel("maps", "On the common mesh", [("maps", drawn)]))
     panels += [panel for part in more for panel in part.panels()]
     tables = [Path(file) for part in more for file in part.files if file.endswith(".tsv")]
     files = [file.name for file in (status, *(quality or ()), *([tissues] if tissues else ()), *tables)]
@@ -177,13 +181,6 @@ def _shown(row: Row) -> dict[str, Any]:
     case = {"text": row["case"], **links}
     state = {"text": row["state"], "why": ": ".join(told), "outlying": row["outlying"]}
     return {**row, "case": ("case", case), "state": ("state", state)}
-
-
-def _map_picture(hemi: Literal["L", "R"], file: Path) -> dict[str, Any]:
-    height, width = imread(file).shape[:2]
-    text = f"Means over the {SIDES[hemi]} hemispheres, at the vertices that they share"
-    uri = pages.data_uri(file.read_bytes(), "image/png")
-    return {"uri": uri, "width": width, "height": height, "caption": text, "alt": text}
 
 
 def _with_columns(rows: pd.DataFrame, more: pd.DataFrame) -> pd.DataFrame:

@@ -171,9 +171,9 @@ def source(name: str) -> str:
     return Path(__file__).with_name("templates").joinpath(name).read_text(encoding="utf-8")
 
 
-def data_uri(content: bytes, media_type: Literal["image/webp", "image/png"]) -> str:
-    """A `data:` address that holds the content of a file."""
-    return f"data:{media_type};base64,{base64.b64encode(content).decode()}"
+def data_uri(webp: bytes) -> str:
+    """A `data:` address that holds a WebP picture."""
+    return f"data:image/webp;base64,{base64.b64encode(webp).decode()}"
 
 
 def embedded(svg: str, name: str) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Literal
 
+import matplotlib.image
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,12 +20,15 @@ from cortet.report import pages
 from cortet.report.boundary_view import colour_scale
 from cortet.report.colours import COLOUR_NAMES
 from cortet.report.pages import SIDES
-from cortet.report.render import cut_view, reddest, surface_view, webp
+from cortet.report.render import cut_view, surface_view, webp
+from cortet.report.slices import PLANES, middle_of, section, where
 
 Picture = dict[str, Any]
 
 #: pixels of a thumbnail, width and height: twice those on the page, for fine screens
 _THUMBNAIL = (192, 144)
+#: mm, distance that rounding of coordinates may make, so that it is not shown in the darkest red
+_ROUNDED = 0.01
 
 
 def captioned(image: NDArray[Any], caption: str, more: str = "", *, scaled: bool = False) -> Picture:
@@ -34,15 +38,13 @@ def captioned(image: NDArray[Any], caption: str, more: str = "", *, scaled: bool
     """
     height, width, _ = image.shape
     text = f"{caption}, {more}" if more else caption
-    uri = pages.data_uri(webp(image), "image/webp")
+    uri = pages.data_uri(webp(image))
     scale = {"scale": colour_scale()} if scaled else {}
     return {"uri": uri, "width": width, "height": height, "caption": text, "alt": text, **scale}
 
 
 def png(path: Path) -> NDArray[Any]:
     """The pixels of a PNG file: (rows, columns, 4)."""
-    import matplotlib.image
-
     return np.asarray(np.round(255 * matplotlib.image.imread(path)), np.uint8)
 
 
@@ -84,18 +86,14 @@ def of_mesh(mesh: TetMesh, meshed: TriSurface) -> list[Picture]:
 
 def of_sections(mesh: TetMesh, names: list[str]) -> list[Picture]:
     """Sections through the middle of the mesh, its regions in colours; names are those of the regions, if several."""
-    from cortet.report.slices import PLANES, middle_of, section, where
-
-    regions = f"; {_colours(names)}" if len(names) > 1 else ""
-    return [
-        captioned(section(mesh, plane, position), f"{plane.capitalize()}, {where(across, position)}{regions}")
-        for plane, (across, _, _) in PLANES.items()
-        for position in [middle_of(mesh, plane)]
-    ]
-
-
-def _colours(names: list[str]) -> str:
-    return ", ".join(f"{name} {COLOUR_NAMES[number % len(COLOUR_NAMES)]}" for number, name in enumerate(names))
+    named = ", ".join(f"{name} {COLOUR_NAMES[number % len(COLOUR_NAMES)]}" for number, name in enumerate(names))
+    regions = f"; {named}" if len(names) > 1 else ""
+    shown = []
+    for plane, (across, _, _) in PLANES.items():
+        position = middle_of(mesh, plane)
+        caption = f"{plane.capitalize()}, {where(across, position)}{regions}"
+        shown.append(captioned(section(mesh, plane, position), caption))
+    return shown
 
 
 def _of_inner(mesh: TetMesh, meshed: TriSurface) -> list[Picture]:
@@ -117,7 +115,9 @@ def of_repair(file: TriSurface, repaired: TriSurface) -> list[Picture]:
 def _by_distance(surface: TriSurface, to: TriSurface, what: str, other: str, *, red: bool = False) -> list[Picture]:
     """A surface from both sides, each face in the colour of its distance to another surface."""
     distances: FloatArray = distances_to(to, surface)[len(surface.points) :]
-    darkest = reddest(distances) if red else float(distances.max())
+    darkest = float(distances.max())
+    if red:
+        darkest = max(darkest, _ROUNDED)
     scale = f"by its distance to {other}, white at 0, {'red' if red else 'black'} at {darkest:.2g} mm"
     colours = "Reds" if red else "Greys"
     return [

@@ -246,11 +246,6 @@ def _towards(side: Literal["L", "R"]) -> float:
     return -1.0 if side == "L" else 1.0
 
 
-def reddest(distances: FloatArray) -> float:
-    """The distance of the darkest colour, mm: the largest, but no less than what rounding can make."""
-    return max(float(distances.max()), 0.01)
-
-
 def webp(image: NDArray[np.uint8]) -> bytes:
     """A picture as a WebP file, which keeps transparency in a fifth of the bytes of a PNG."""
     file = io.BytesIO()

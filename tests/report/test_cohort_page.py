@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import io
 import re
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.image import imsave
+from matplotlib.image import imread, imsave
 
 from cortet.cohort.status import COLUMNS
 from cortet.folding.cohort_folding import COLUMNS as FOLDING
@@ -117,8 +118,9 @@ def test_folds_and_maps_are_part_of_the_page(tmp_path):
     shown = panel(tmp_path / "folds.tsv", tmp_path / "folds.svg", folds)
     more = [PagePart([str(tmp_path / "folds.tsv")], [], None, lambda: None, lambda: [shown])]
     page = written(tmp_path, [other("a", "certified")], [], more=more, maps={"R": tmp_path / "maps.png"})
-    ((picture, words),) = re.findall(r'src="data:image/png;base64,(.*?)" width="6" height="4" alt="(.*?)">', page)
-    assert base64.b64decode(picture) == (tmp_path / "maps.png").read_bytes() and "right hemispheres" in words
+    ((picture, words),) = re.findall(r'src="data:image/webp;base64,(.*?)" width="6" height="4" alt="(.*?)">', page)
+    assert imread(io.BytesIO(base64.b64decode(picture)), format="webp").max() == 255, "black and opaque"
+    assert "right hemispheres" in words
     section = page[page.index('id="folds"') :]
     assert section.index("fold: killed") < section.index("1.235")
     assert 'href="../a/Folded/folding.gif"' in section and "Foldedthin" not in section
