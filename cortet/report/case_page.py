@@ -198,7 +198,7 @@ def _changed(certificate: Certificate, stage: str, changed: str) -> dict[str, Ma
 
 def _quality(of: Checked) -> list[Part]:
     q, limit, theirs = of.certificate["quality"], limit_of(of.certificate, "worst_q"), _published()
-    bulk, tail = mesh_quality_figures({"this mesh": np.array(q["histogram"])}, limit=limit)
+    bulk, tail = mesh_quality_figures(np.array(q["histogram"]), limit=limit)
     shown = {
         "q": q,
         "limit": limit,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -24,14 +24,12 @@ from numpy.typing import NDArray
 from cortet.formats.atomic import atomic_path
 from cortet.formats.tsv import read_tsv
 from cortet.report import published
-from cortet.report.colours import BLUE, COLOURS, DARK_GREY, GREEN, GREY, VERMILION
+from cortet.report.colours import BLUE, DARK_GREY, GREEN, GREY, VERMILION
 
 VERSION: int = 7
 
 #: width of one column and of both columns of a two-column journal, inches
 COLUMN, PAGE = 3.5, 7.2
-#: styles of lines; the next style begins once all colours are used
-LINES = ("-", "--", ":")
 #: hemisphere -> colour and marker
 HEMISPHERES = {"L": (BLUE, "o", "left"), "R": (VERMILION, "^", "right"), "n/a": (GREEN, "s", "whole brain")}
 
@@ -88,8 +86,6 @@ _LOOK: ContextVar[Look] = ContextVar("_LOOK", default=LOOKS["cortet"])
 Q, Q_AXIS, Q_MAX = "$q$", "$q$ (0 regular, 1 flat)", r"$q_\mathrm{max}$"
 #: the cell size as figures write it
 H = "$h$"
-#: names of meshes with fewer characters have room beside each other, above a figure of one column
-_NARROW = 36
 #: position of meshes of unknown age, beyond the end of the age axis: a fraction of its length
 _BESIDE = 1.06
 #: column of the quality table -> label of its panel
@@ -225,12 +221,12 @@ def cohort_figure(
     return figure
 
 
-def mesh_quality_figures(meshes: Mapping[str, NDArray[np.integer[Any]]], *, limit: float) -> tuple[Figure, Figure]:
-    """Quality of meshes on the published distribution after S4: distribution of q, and number of elements above q.
+def mesh_quality_figures(counts: NDArray[np.integer[Any]], *, limit: float) -> tuple[Figure, Figure]:
+    """Quality of a mesh on the published distribution after S4: distribution of q, and number of elements above q.
 
     Parameters
     ----------
-    meshes : label -> elements (200,) per bin of q
+    counts : elements (200,) per bin of q
     limit : of the worst q, drawn as a line
     """
     theirs = published.histogram("S1-S4")
@@ -243,18 +239,14 @@ def mesh_quality_figures(meshes: Mapping[str, NDArray[np.integer[Any]]], *, limi
         bulk.stairs(100 * theirs / theirs.sum(), np.linspace(0, 1, len(theirs) + 1), fill=True, color=GREY, alpha=0.35)
         label = f"published (CORTET, cleaned), {H} = {published.CELL_SIZE:g} mm"
         distribution(bulk, tail, theirs, color=DARK_GREY, linewidth=0.8, label=label)
-        for number, (name, counts) in enumerate(meshes.items()):
-            colour, dashes = COLOURS[number % len(COLOURS)], LINES[number // len(COLOURS) % len(LINES)]
-            distribution(bulk, tail, counts, color=colour, linestyle=dashes, linewidth=1.2, label=name)
+        distribution(bulk, tail, counts, color=BLUE, linewidth=1.2, label="this mesh")
         bulk.set(xlim=(0, 0.6), ylim=(0, None), ylabel="elements (% per bin of 0.005)")
         tail.set(xlim=(0, 0.9), ylim=(1e-3, 2e6), yscale="log", ylabel=f"elements above {Q} (per million)")
         in_powers_of_ten(tail.yaxis)
         mark_limit(tail, limit)
-        for axis in (bulk, tail):
-            axis.set_xlabel(Q_AXIS)
-        columns = 2 if max(map(len, meshes), default=0) < _NARROW else 1
         for figure, axis in zip(figures, (bulk, tail), strict=True):
-            figure.legend(*axis.get_legend_handles_labels(), loc="outside upper center", ncols=columns)
+            axis.set_xlabel(Q_AXIS)
+            figure.legend(*axis.get_legend_handles_labels(), loc="outside upper center", ncols=2)
             figure.patch.set_visible(False)
             axis.patch.set_visible(False)
     return figures

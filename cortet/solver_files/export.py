@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any
 
 import numpy as np
 from scipy.sparse import save_npz
@@ -17,7 +17,7 @@ from cortet.formats.gifti import read_surface
 from cortet.formats.hashing import mesh_sha256
 from cortet.formats.ownership import final_name, may_write
 from cortet.formats.placement import UNITS
-from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL, with_surface
+from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL, OUTER_SURFACE, with_surface
 from cortet.geometry.filling import require_body
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
 from cortet.measure.quality import signed_volumes
@@ -38,19 +38,6 @@ VERSION: int = 8
 Matrices = Callable[[TetMesh], Mapping[str, Any]]
 
 
-class About(TypedDict, total=False):
-    """What a sidecar says of the origin of a mesh."""
-
-    #: coordinate system of the surface the mesh was made from
-    frame: CoordinateFrame | None
-    #: field -> where it came from
-    sources: Mapping[str, FieldSource]
-    #: how interior nodes got their values
-    interior: str | None
-    #: which surfaces were meshed, from `meshed.made_from`
-    made_from: Mapping[str, Any] | None
-
-
 def export(
     mesh: TetMesh,
     path: Path,
@@ -61,7 +48,7 @@ def export(
     unit: str = "um",
     holes: Collection[str] = (),
     beside: Matrices | None = None,
-    **about: Unpack[About],
+    **about: Any,
 ) -> list[str]:
     """Write `path`, the files that belong to it and its sidecar, complete or not at all.
 
@@ -74,6 +61,7 @@ def export(
     unit : unit of the coordinates, ``mm`` or ``um``, for formats that do not state it
     holes : inner regions whose tetrahedra are left out; the certificate is that of the whole mesh
     beside : gives sparse matrices of the mesh that are written beside it, by name
+    about : `frame`, `sources`, `interior` and `made_from`, as `sidecar.sidecar` takes them
 
     Returns
     -------
@@ -93,7 +81,7 @@ def export(
         mesh, about["made_from"] = hollowed, {**(about.get("made_from") or {}), "holes": list(holes)}
     mesh, renamed = writable(mesh, solver)
     matrices = (lambda: {**beside(mesh), "mesh_sha256": bound_to}) if beside else dict
-    lacks = _write_all(mesh, path, solver, unit, matrices, about)
+    lacks = _write_all(mesh, path, solver, unit, matrices, about, final_name(path))
     return [] if FORMATS[solver].is_surface else renamed + lacks
 
 
@@ -115,17 +103,18 @@ def _write_all(
     solver: str,
     unit: str,
     matrices: Callable[[], dict[str, Any]],
-    about: About,
+    about: dict[str, Any],
+    named: Path,
 ) -> list[str]:
     """Write a file, those that belong to it and its sidecar; returns what its format cannot hold, in words.
 
-    Raises StageError if a mesh breaks a convention of solvers.
+    Raises StageError, which names the file `named`, if a mesh breaks a convention of solvers.
     """
     form, kept, lacks = FORMATS[solver], content, list[str]()
     if isinstance(content, TetMesh):
         content = with_q(content) if form.has_q else content
         if broken := broken_conventions(with_surface(content)):
-            raise StageError("solvers cannot read this mesh: " + "; ".join(broken), file=final_name(path))
+            raise StageError("solvers cannot read this mesh: " + "; ".join(broken), file=named)
         held_mesh = held(content, form.holds, groups=form.has_groups)
         kept = boundary_with_fields(held_mesh) if form.is_surface else held_mesh
         lacks = [] if form.is_surface else left_out(content, held_mesh)
@@ -222,6 +211,7 @@ def convert(
             "interior": next((field["interior"] for field in fields.values()), None),
             "made_from": moved(record.get("made_from"), source.parent, target.parent),
         },
+        source,
     )
 
 
@@ -260,7 +250,8 @@ def _with_face_sets(mesh: TetMesh) -> tuple[TetMesh, str]:
     faces = boundary_faces(mesh)
     inside = {name: np.isin(faces, nodes).all(axis=1) for name, nodes in own.nodes.items()}
     wall = inside.get(MEDIAL_WALL, np.zeros(len(faces), bool))
-    inside[CORTICAL_SURFACE] = ~wall
+    if OUTER_SURFACE not in inside:  # else a region lies around the brain, whose surface is no part of the boundary
+        inside[CORTICAL_SURFACE] = ~wall
     made = {name: faces[chosen] for name, chosen in inside.items() if chosen.any()}
     nodes = own.nodes | {name: np.unique(made[name]) for name in (CORTICAL_SURFACE, MEDIAL_WALL) if name in made}
     cells = own.cells or named_sets(mesh).sets.cells

@@ -46,14 +46,13 @@ def meshed_files(regions: Iterable[str], mesh: Path) -> dict[str, Path]:
     ----------
     regions : the one inside the outer surface first
     """
-    stem = mesh.name.removesuffix(mesh.suffix)
     named = {region: f"-{region}" if number else "" for number, region in enumerate(regions)}
-    return {region: mesh.with_name(f"{stem}.meshed{of}.surf.gii") for region, of in named.items()}
+    return {region: mesh.with_name(f"{mesh.stem}.meshed{of}.surf.gii") for region, of in named.items()}
 
 
 def certificate_path(mesh: Path) -> Path:
     """The certificate beside a mesh; its name begins with the stem of the mesh's file."""
-    return mesh.with_name(f"{mesh.name.removesuffix(mesh.suffix)}.certificate.json")
+    return mesh.with_name(f"{mesh.stem}.certificate.json")
 
 
 def cell_size_of(mesh: Path) -> float | None:
@@ -64,8 +63,8 @@ def cell_size_of(mesh: Path) -> float | None:
 
 def parameters_of(mesh: Path) -> dict[str, Any]:
     """Stage -> its parameters, by the certificate beside a mesh, of a command or the workflow; empty without one."""
-    stem = mesh.name.removesuffix(mesh.suffix).removesuffix("_tetmesh")
-    files = (certificate_path(mesh), mesh.with_name(f"{stem}_certificate.json"))
+    of_workflow = mesh.with_name(f"{mesh.stem.removesuffix('_tetmesh')}_certificate.json")
+    files = (certificate_path(mesh), of_workflow)
     return next((found for file in files if (found := json_of(file).get("parameters"))), {})
 
 
@@ -84,9 +83,8 @@ def require_own_stem(
     cell_size : mm
     mesh_sha256 : of `hashing.mesh_sha256`; None before the mesh is made
     """
-    stem = mesh.name.removesuffix(mesh.suffix)
     beside = mesh.parent.iterdir() if mesh.parent.is_dir() else ()
-    others = [file for file in beside if file.name.removesuffix(file.suffix) == stem and file.name != mesh.name]
+    others = [file for file in beside if file.stem == mesh.stem and file.name != mesh.name]
     for other in others:
         record = read_sidecar(other).get("made_from") if sidecar_path(other).is_file() else None
         if record and record["given"]:

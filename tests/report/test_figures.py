@@ -123,10 +123,9 @@ def test_files_are_the_same_every_time_and_hold_no_date(figure, tmp_path, suffix
         assert "gestational age (weeks)" in first.read_text(), "text stays text"
 
 
-@pytest.mark.parametrize(("name", "columns"), [("this mesh", 2), ("sub-01_ses-02_hemi-L_" * 3, 1)])
-def test_the_legend_of_a_mesh_lies_beside_its_curves(name, columns):
-    for figure in mesh_quality_figures({name: np.ones(200, np.int32)}, limit=0.6):
+def test_the_legend_of_a_mesh_lies_above_its_curves():
+    for figure in mesh_quality_figures(np.ones(200, np.int32), limit=0.6):
         figure.draw_without_rendering()
         (legend,), (axis,) = figure.legends, figure.axes
         assert legend.get_window_extent().y0 > axis.get_window_extent().y1 and not axis.get_legend()
-        assert legend._ncols == columns and legend.get_window_extent().x0 >= 0
+        assert legend.get_window_extent().x0 >= 0
