@@ -235,5 +235,5 @@ def test_an_envelope_from_the_command_is_the_outer_surface_of_two_halves(tmp_pat
     sets = read_mesh(tmp_path / "head.inp").sets.cells
     assert {"csf", "cortex", "cortexL", "cortexR"} <= sets.keys()
     assert len(sets["cortexL"]) + len(sets["cortexR"]) == len(sets["cortex"])
-    assert main("convert head.inp head.vtu".split()) == 0, "Abaqus has no sets of faces"
+    assert main(["convert", "head.inp", "head.vtu"]) == 0, "Abaqus has no sets of faces"
     assert read_mesh(tmp_path / "head.vtu").sets.faces.keys() == {"outer_surface"}
