@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyvista
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
@@ -37,8 +38,6 @@ _MARGIN, _SAMPLES, _PALE, _DARK = 3.0, 2, 0.45, 0.6
 _DPI, _INCHES, _SECTION = 150, 6.0, 4.5
 #: width of the edges in a section, points
 _LINE = 0.25
-#: edges of a tetrahedron, and for each number of corners above the plane, sorted, those that meet it, in a ring
-_ONE_ABOVE, _TWO_ABOVE = ((0, 1), (0, 2), (0, 3)), ((0, 2), (0, 3), (1, 3), (1, 2))
 
 
 def slices(mesh: TetMesh, name: str, volume: Volume, path: str | Path, frame: CoordinateFrame | None = None) -> None:
@@ -73,10 +72,10 @@ def slices(mesh: TetMesh, name: str, volume: Volume, path: str | Path, frame: Co
             axes.imshow(_painted(plane, colours), extent=extent, origin="lower", interpolation="nearest")
         else:
             axes.imshow(plane, extent=extent, origin="lower", interpolation="nearest", cmap="gray")
-        for cell, ring in cut(points, mesh.cells, across, float(middle[across])):
-            lines = [_DARK * colours[key] for key in labels[cell].tolist()]
-            flat: Any = ring[:, :, [right, up]]
-            axes.add_collection(PolyCollection(flat, facecolors="none", edgecolors=lines, linewidths=0.5))
+        polygons, cell = cut(points, mesh.cells, across, float(middle[across]))
+        flat = [polygon[:, [right, up]] for polygon in polygons]
+        lines = [_DARK * colours[key] for key in labels[cell].tolist()]
+        axes.add_collection(PolyCollection(flat, facecolors="none", edgecolors=lines, linewidths=0.5))
         axes.set_title(f"{title}, {where(across, middle[across])}")
         axes.set(xlabel=_AXES[right], ylabel=_AXES[up])
         axes.set_facecolor("white" if labelled else "black")
@@ -104,10 +103,10 @@ def draw_section(axes: Axes, mesh: TetMesh, plane: str, position: float) -> None
     across, right, up = PLANES[plane]
     region = np.asarray(mesh.cell_data.get(REGION, np.ones(len(mesh.cells))), int)
     fills = np.array([to_rgb(colour) for colour in (REGION_COLOURS if REGION in mesh.cell_data else [GREY])])
-    for cell, ring in cut(mesh.points, mesh.cells, across, position):
-        flat: Any = ring[:, :, [right, up]]
-        fill = fills[(region[cell] - 1) % len(fills)]
-        axes.add_collection(PolyCollection(flat, facecolors=fill, edgecolors=_DARK * fill, linewidths=_LINE))
+    polygons, cell = cut(mesh.points, mesh.cells, across, position)
+    flat = [polygon[:, [right, up]] for polygon in polygons]
+    fill = fills[(region[cell] - 1) % len(fills)]
+    axes.add_collection(PolyCollection(flat, facecolors=fill, edgecolors=_DARK * fill, linewidths=_LINE))
     axes.autoscale_view()
     axes.set(aspect="equal", xlabel=_AXES[right], ylabel=_AXES[up])
 
@@ -121,26 +120,12 @@ def section(mesh: TetMesh, plane: str, position: float) -> NDArray[np.uint8]:
     return np.asarray(canvas.buffer_rgba())
 
 
-def cut(points: FloatArray, cells: IntArray, axis: int, position: float) -> list[tuple[NDArray[np.intp], FloatArray]]:
-    """Triangles and quadrangles in which a plane across an axis cuts tetrahedra: their numbers (c,), corners (c, k, 3).
-
-    A corner in the plane counts as below it.
-    """
-    height = points[cells, axis] - position
-    above = (height > 0).sum(axis=1)
-    order = np.argsort(-height, axis=1, kind="stable")
-    found = []
-    for count, edges, turned in ((1, _ONE_ABOVE, False), (2, _TWO_ABOVE, False), (3, _ONE_ABOVE, True)):
-        cell = np.flatnonzero(above == count)
-        rank = order[cell][:, ::-1] if turned else order[cell]  # of three above, the single one is below
-        nodes = np.take_along_axis(cells[cell], rank, axis=1)
-        size = np.take_along_axis(height[cell], rank, axis=1)
-        ring = []
-        for one, other in edges:
-            part = (size[:, one] / (size[:, one] - size[:, other]))[:, None]
-            ring.append(points[nodes[:, one]] + part * (points[nodes[:, other]] - points[nodes[:, one]]))
-        found.append((cell, np.stack(ring, axis=1)))
-    return found
+def cut(points: FloatArray, cells: IntArray, axis: int, position: float) -> tuple[list[FloatArray], NDArray[Any]]:
+    """Polygons in which a plane across an axis cuts tetrahedra: the corners of each (k, 3), and its tetrahedron."""
+    grid = pyvista.UnstructuredGrid({pyvista.CellType.TETRA: cells}, points)
+    grid.cell_data["cell"] = np.arange(len(cells))
+    found = grid.slice(normal="xyz"[axis], origin=np.full(3, position))
+    return [found.points[polygon] for polygon in found.irregular_faces], found.cell_data["cell"]
 
 
 def _image(

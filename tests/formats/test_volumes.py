@@ -555,11 +555,12 @@ def test_a_cut_has_the_area_of_the_plane_inside(ball):
     mesh = cortet.mesh(ball, 2.0, progress=False).mesh
     for axis in range(3):
         area, right, up = 0.0, (axis + 1) % 3, (axis + 2) % 3
-        for cell, ring in cut(mesh.points, mesh.cells, axis, 0.3):
-            assert len(cell) == len(ring)
-            np.testing.assert_allclose(ring[:, :, axis], 0.3, atol=1e-9)
-            x, y = ring[:, :, right], ring[:, :, up]
-            area += np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)).sum() / 2
+        polygons, cells = cut(mesh.points, mesh.cells, axis, 0.3)
+        assert len(cells) == len(polygons)
+        for polygon in polygons:
+            np.testing.assert_allclose(polygon[:, axis], 0.3, atol=1e-9)
+            x, y = polygon[:, right], polygon[:, up]
+            area += abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
         assert area == pytest.approx(np.pi * (RADIUS**2 - 0.09), rel=0.03)
 
 
