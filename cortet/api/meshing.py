@@ -288,17 +288,7 @@ class Mesh:
             )
         try:
             with guarded(self.inputs, files=[path], force=force):
-                save(
-                    Meshed(self.mesh, self.certificate, self.surface),
-                    path,
-                    self.config,
-                    self.origin,
-                    kind=self.origin.kind,
-                    labels=self.label_names,
-                    rows=self.tissue_rows,
-                    force=force,
-                    uncertified=force,
-                )
+                write_files(self, path, force=force, uncertified=force)
         except OSError as error:
             what, remedy = (
                 f"cannot be written: {error.strerror or error}",
@@ -535,6 +525,20 @@ def _files(given: Mapping[str, Any] | None) -> dict[str, str | Path]:
 def _others(given: Mapping[str, Any] | None) -> dict[str, Any]:
     """Those of some given things that are not files."""
     return {name: one for name, one in (given or {}).items() if not isinstance(one, str | Path)}
+
+
+def write_files(made: Mesh, path: Path, **how: Any) -> list[str]:
+    """Write a mesh and its companions; `how` and the result are those of `pipeline.save`."""
+    return save(
+        Meshed(made.mesh, made.certificate, made.surface),
+        path,
+        made.config,
+        made.origin,
+        kind=made.origin.kind,
+        labels=made.label_names,
+        rows=made.tissue_rows,
+        **how,
+    )
 
 
 def teller(progress: bool | Callable[[Step], None]) -> Callable[[Step], None]:

@@ -93,7 +93,7 @@ class Views:
     slices: Picture | None = None
     page: Annotated[OutputFile | None, Parameter(metavar="HTML")] = None
 
-    def write(self, made: Mesh, given: Inputs, surface: Path, ga: float | None, config: Config, place: Place) -> None:
+    def write(self, made: Mesh, given: Inputs, place: Callable[[Path], Path]) -> None:
         """Write those that are asked for; `place` gives the temporary file of each."""
         if self.slices:
             from cortet.report.slices import slices
@@ -104,21 +104,17 @@ class Views:
             made.picture(place(self.picture))
             print(f"{self.picture}: drawn")
         if self.page:
-            from cortet.formats.gifti import kind_of
             from cortet.report.case_page import Checked, about, write_case_page
 
             chosen = {
-                "surface": kind_of(surface),
-                "scan_age": ga,
-                "cell_size": config.generate.cell_size[0],
-                "mesher": config.generate.meshers[0],
+                "surface": made.origin.kind,
+                "scan_age": made.ga,
+                "cell_size": made.config.generate.cell_size[0],
+                "mesher": made.config.generate.meshers[0],
             }
             shown = Checked(made.mesh, given.in_mm, made.surface, asdict(made.certificate))
             write_case_page(shown, place(self.page), facts=about(chosen))
             print(f"{self.page}: written")
-
-
-Place = Callable[[Path], Path]
 
 
 def mesh(
@@ -150,9 +146,10 @@ def mesh(
     --------
     cortet mesh lh.pial.surf.gii --inner lh.white.surf.gii -o lh.inp
     """
+    from cortet.api.meshing import write_files
     from cortet.config import load
     from cortet.formats.tables import printed
-    from cortet.pipeline import Meshed, companions, save
+    from cortet.pipeline import companions
     from cortet.solver_files.holes import require_regions
     from cortet.solver_files.meshed import require_own_stem
     from cortet.solver_files.sidecar import sidecar_path
@@ -180,17 +177,7 @@ def mesh(
     progress = Progress(config, line.ga, nested=bool(inner), registered=given.sphere is not None)
     made = given.mesh(progress, case=output.stem)
     certificate = made.certificate
-    told = save(
-        Meshed(made.mesh, certificate, made.surface),
-        output,
-        config,
-        made.origin,
-        kind=made.origin.kind,
-        labels=made.label_names,
-        rows=made.tissue_rows,
-        force=how.force,
-        views=lambda place: views.write(made, given, surface, line.ga, config, place),
-    )
+    told = write_files(made, output, force=how.force, views=lambda place: views.write(made, given, place))
     print()
     if made.tissue_rows:
         print(printed(TISSUE_COLUMNS, made.tissue_rows) + "\n")
