@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import mode
 
 from cortet.errors import InputError
 from cortet.formats.atomic import write_json
@@ -77,12 +78,10 @@ def mean_map(cases: Sequence[TriSurface]) -> tuple[TriSurface, dict[str, int]]:
 
 def _mean(values: Sequence[NDArray[Any]]) -> NDArray[Any]:
     """The mean over cases, (n,) or (n, k); for labels the most frequent one, the smallest in a tie."""
-    if not all(map(is_label, values)):
-        return np.asarray(np.mean(np.stack(values), axis=0, dtype=np.float64))
     stacked = np.stack(values)
-    keys = np.unique(stacked)
-    most: NDArray[Any] = keys[np.stack([(stacked == key).sum(axis=0) for key in keys]).argmax(axis=0)]
-    return most
+    if all(map(is_label, values)):
+        return np.asarray(mode(stacked).mode)
+    return np.asarray(stacked.mean(axis=0, dtype=np.float64))
 
 
 def write_maps(

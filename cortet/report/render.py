@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
+import matplotlib as mpl
 import matplotlib.image
 import numpy as np
 import pyvista
@@ -65,6 +66,8 @@ _DIRECTIONS = (("on the left", "on the right"), ("down", "up"), ("away from you"
 _BARS = (1, 2, 5, 10, 20, 50)
 #: room for the words below a bar, a share of the height; their colour, which shows on white and on black
 _BELOW, _INK = 0.12, "#767676"
+#: letters of pictures that stand in figures, which have the same
+_FONT = str(Path(mpl.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf"))
 
 
 def picture(
@@ -107,7 +110,7 @@ def picture(
             _add_regions(plotter, shell, names={number: name for name, number in tags.regions(mesh).items()})
         else:
             plotter.add_mesh(shell, **_BY_Q, **_EDGES, scalar_bar_args=SCALE)
-        from_side = {"above": 0.0, "beside": 0.0} if view else {}
+        from_side: Any = {"above": 0.0, "beside": 0.0} if view else {}
         across, towards = _VIEWS[view] if view else (k, 1)
         said = where if position < 1 else ""
         _frame(plotter, np.asarray(shell.points, float), across, towards, said, room=ROOM, **from_side)
@@ -123,6 +126,7 @@ def _frame(
     said: str = "",
     *,
     room: float = 1.0,
+    font: str | None = None,
     **aim: float,
 ) -> None:
     """Fill a share `room` of the width with points, as `_aim` sees them; below stand a scale bar and directions."""
@@ -139,6 +143,7 @@ def _frame(
         position=(0.5 + right * height / width, 0.49 + above),
         viewport=True,
         font_size=max(height // 60, 5),
+        font_file=font,
         color=_INK,
     )
     text.prop.justification_horizontal, text.prop.justification_vertical = "center", "top"
@@ -235,7 +240,7 @@ def surface_view(
             plotter.add_mesh(wrong, color=BEYOND, line_width=4, lighting=False)
         look: Any = {"across": 0, "towards": _towards(side), "above": 0.0, "beside": 0.0}
         if framed:
-            _frame(plotter, surface.points, **look)
+            _frame(plotter, surface.points, font=_FONT, **look)
         else:
             _aim(plotter.camera, surface.points, width_to_height=size[0] / size[1], **look)
         return _cut_out(plotter)
