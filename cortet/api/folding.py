@@ -159,7 +159,7 @@ def fold(
     require_hemisphere(hemi)
     if ga is not None:
         require_within(ga, FOLD_AGES, "the gestational age in weeks")
-    mesh = tetrahedra(made)
+    mesh = tetrahedra(made, whole=True)
     if isinstance(made, Mesh):
         refuse_shell(region_names(made.surface.inner))
         require_same_brain((ga, hemi), (made.ga, made.hemi))

@@ -41,7 +41,7 @@ from cortet.geometry.nesting import nested, sheets
 from cortet.measure.certify import Certificate, with_remarks
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, region_names, require_measurable
-from cortet.pipeline import Meshed, Step, mesh_surface, save
+from cortet.pipeline import About, Meshed, Step, mesh_surface, save
 from cortet.solver_files.fields import with_fields, with_q, without_q
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
 from cortet.solver_files.meshed import Origin
@@ -387,13 +387,10 @@ class Inputs:
     native: Mapping[str, TriSurface]
     config: Config
     origin: Origin
-    sphere: TriSurface | None
+    #: what else is known: files of the surface and of its inner surfaces, and its sphere
+    about: About
     volumes: Mapping[str, Volume]
     background: Sequence[Background]
-    #: as far as they come from files: the surface, its sphere, inner surfaces by name
-    source: str | Path | None
-    sphere_source: str | Path | None
-    inner_files: Mapping[str, str]
     #: what a user should know, in words
     said: Sequence[str]
 
@@ -405,18 +402,10 @@ class Inputs:
         progress : called after every stage
         case : name in the certificate; None: that of the file
         """
-        made = mesh_surface(
-            self.surface,
-            self.config,
-            gestational_age=self.origin.age,
-            hemisphere=self.origin.hemisphere,
-            source=self.source,
-            inner_sources=self.inner_files,
-            sphere=self.sphere,
-            sphere_source=self.sphere_source,
-            case=case if case is not None else Path(self.source).name.partition(".")[0] if self.source else "",
-            progress=progress,
-        )
+        source = self.about["source"]
+        if case is None:
+            case = Path(source).name.partition(".")[0] if source else ""
+        made = mesh_surface(self.surface, self.config, **self.about, case=case, progress=progress)
         filled, rows = with_volumes(
             made.mesh,
             self.volumes,
@@ -426,7 +415,8 @@ class Inputs:
         )
         large = [one.sentence for one in self.background if one.large]
         read_from = (
-            *(self.source, self.sphere_source, *self.inner_files.values(), *self.origin.fields.values()),
+            *(source, self.about["sphere_source"], *(self.about["inner_sources"] or {}).values()),
+            *self.origin.fields.values(),
             *(volume.file for volume in self.volumes.values()),
         )
         return Mesh(
@@ -502,12 +492,16 @@ def inputs(
         native,
         config,
         origin,
-        None if sphere is None else surface(sphere),
+        {
+            "gestational_age": origin.age,
+            "hemisphere": origin.hemisphere,
+            "source": source,
+            "inner_sources": within.files,
+            "sphere": None if sphere is None else surface(sphere),
+            "sphere_source": _file(sphere),
+        },
         images,
         background,
-        source=source,
-        sphere_source=_file(sphere),
-        inner_files=within.files,
         said=[*within.told, *(one.sentence for one in background)],
     )
 

@@ -174,7 +174,7 @@ def mesh(
     require_regions(config.export.holes, inner)
     for said in given.said:
         print(said)
-    progress = Progress(config, line.ga, nested=bool(inner), registered=given.sphere is not None)
+    progress = Progress(config, line.ga, nested=bool(inner), registered=given.about["sphere"] is not None)
     made = given.mesh(progress, case=output.stem)
     certificate = made.certificate
     told = write_files(made, output, force=how.force, views=lambda place: views.write(made, given, place))
