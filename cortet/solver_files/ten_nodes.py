@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.formats import abaqus, febio
+from cortet.formats import abaqus, febio, format_of
 from cortet.formats.atomic import atomic_folder, write_json
 from cortet.formats.ownership import record_of
 from cortet.formats.surface_sets import members, sides, with_surface
@@ -29,6 +29,9 @@ from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
 from cortet.solver_files.names import held, left_out, writable
 
 VERSION: int = 3
+
+#: writes a straight mesh, its curved one and the sets of that
+Writer = Callable[[TetMesh, QuadraticMesh, MeshSets, Path], None]
 
 
 def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> list[str]:
@@ -44,21 +47,21 @@ def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> list[st
     -------
     what the file cannot hold, or not by its name, in words
     """
-    writer = _WRITERS.get(path.suffix)
-    if writer is None:
+    if path.suffix not in _WRITERS:
         raise InputError(
             "has a file extension that cortet does not write with ten-node elements",
             file=path,
             remedy=f"use {', '.join(_WRITERS)}",
         )
-    mesh, renamed = writable(with_surface(mesh), _PLAIN.get(path.suffix, path.suffix[1:]))
+    (writer, holds), form = _WRITERS[path.suffix], format_of(path)
+    mesh, renamed = writable(with_surface(mesh), form.name)
     sets = MeshSets(node_sets(mesh, curved), mesh.sets.faces, mesh.sets.cells)
     with atomic_folder(path) as folder:
         writer(mesh, curved, sets, folder / path.name)
         made = record_of(sorted(folder.iterdir()))
         names = {"regions": regions(mesh), "surface": face_tags(mesh)}  # not every format has a table of them
         write_json(made | record(curved) | names, folder / f"{path.stem}.quadratic.json")
-    return renamed + left_out(mesh, held(mesh, _HOLDS[path.suffix], groups=path.suffix == ".msh"))
+    return renamed + left_out(mesh, held(mesh, holds, groups=form.has_groups))
 
 
 def record(curved: QuadraticMesh) -> dict[str, Any]:
@@ -111,7 +114,7 @@ def _write_febio(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Pat
     febio.write_elements(mesh, curved.points, curved.cells, sets.nodes, faces, fields, path)
 
 
-def _by_meshio(file_format: str) -> Callable[[TetMesh, QuadraticMesh, MeshSets, Path], None]:
+def _by_meshio(file_format: str) -> Writer:
     """Writer of a format that meshio knows: fields, and sets as arrays of 0 and 1."""
 
     def write(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path) -> None:
@@ -145,20 +148,11 @@ def _write_gmsh(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path
     meshio.write(path, content, file_format="gmsh22")
 
 
-#: suffixes of files that are plain ASCII, and for whom they are
-_PLAIN = {".inp": "abaqus", ".feb": "febio"}
-#: what each holds, as `Format.holds`
-_HOLDS = {
-    ".inp": {"nodes", "faces", "cells"},
-    ".feb": {"point_data", "nodes", "faces", "cells"},
-    ".msh": {"point_data"},
-    ".vtu": {"point_data", "cell_data", "nodes", "cells"},
-    ".xdmf": {"point_data", "cell_data", "nodes", "cells"},
-}
-_WRITERS: Mapping[str, Callable[[TetMesh, QuadraticMesh, MeshSets, Path], None]] = {
-    ".inp": _write_abaqus,
-    ".feb": _write_febio,
-    ".vtu": _by_meshio("vtu"),
-    ".msh": _write_gmsh,
-    ".xdmf": _by_meshio("xdmf"),
+#: suffix -> what writes the file, and what that holds, as `Format.holds`
+_WRITERS: Mapping[str, tuple[Writer, set[str]]] = {
+    ".inp": (_write_abaqus, {"nodes", "faces", "cells"}),
+    ".feb": (_write_febio, {"point_data", "nodes", "faces", "cells"}),
+    ".vtu": (_by_meshio("vtu"), {"point_data", "cell_data", "nodes", "cells"}),
+    ".msh": (_write_gmsh, {"point_data"}),
+    ".xdmf": (_by_meshio("xdmf"), {"point_data", "cell_data", "nodes", "cells"}),
 }
