@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -17,7 +17,7 @@ from cortet.meshes import TetMesh, TriSurface, region_names
 from cortet.report import pages, pictures, published
 from cortet.report.boundary_view import boundary_view
 from cortet.report.figures import mesh_quality_figures, svg
-from cortet.report.pages import Part
+from cortet.report.pages import Panel, Part
 from cortet.report.records import ELEMENTS, Certificate, limit_of, of_check
 from cortet.solver_files.volumes import TISSUE_COLUMNS
 from cortet.stages import STAGES
@@ -71,7 +71,7 @@ def write_case_page(of: Checked, path: str | Path, *, facts: Mapping[str, str] =
     pages.write(
         path,
         f"{name}: {'certified' if certified else 'not certified'}",
-        pages.panels(PANELS, of._replace(surface=measurable(of.surface))),
+        _panels(of._replace(surface=measurable(of.surface))),
         heading=name,
         state="certified" if certified else "uncertified",
         top=[("facts", {"texts": {**facts, **{size: ELEMENTS[size].format_map(q) for size in _SIZE}}})],
@@ -112,8 +112,8 @@ def write_failure_page(
         path,
         f"{name}: {failure['state']}",
         [
-            pages.Panel("what", "What went wrong", [("story", {"texts": story})]),
-            pages.Panel("surface", "The input surface", _input_surface(surface) if surface else [("note", trouble)]),
+            Panel("what", "What went wrong", [("story", {"texts": story})]),
+            Panel("surface", "The input surface", _input_surface(surface) if surface else [("note", trouble)]),
         ],
         heading=name,
         state=failure["state"],
@@ -157,6 +157,29 @@ def _input_surface(surface: TriSurface) -> list[Part]:
 
 
 # --- panels of a mesh ------------------------------------------------------------------------------------------------
+
+
+def _panels(of: Checked) -> list[Panel]:
+    """The panels of the page of a mesh; those without parts are left out."""
+    certificate = of.certificate
+    reasons, remarks = certificate["reasons"], certificate.get("remarks")
+    view = boundary_view(of.mesh, certificate["worst_elements"])
+    panels = [
+        Panel("reasons", "Why it is not certified", [("points", reasons)] if reasons else []),
+        Panel("remarks", "What became of the surfaces", [("points", remarks)] if remarks else []),
+        Panel("sections", "Sections", _sections(of)),
+        Panel("pictures", "Surface and mesh", _surface_and_mesh(of)),
+        Panel("tissues", "In the volume", _tissues(of)),
+        Panel("resampled", "On the common mesh", _resampled(of)),
+        Panel("repair", "The input was repaired", _repaired(of)),
+        Panel("verdict", "Verdict", [("verdict", [of_check(check) for check in certificate["checks"]])]),
+        Panel("quality", "Element quality", _quality(of)),
+        Panel("worst", "Worst elements", [("worst", {"of": certificate})]),
+        Panel("turn", "The boundary, to be turned", [("turned", {"view": view})]),
+        Panel("fidelity", "Distance to the surface that was meshed", [("fidelity", {"of": certificate})]),
+        Panel("record", "Where it comes from", [("record", {"of": certificate, "files": of.files})]),
+    ]
+    return [panel for panel in panels if panel.parts]
 
 
 def _surface_and_mesh(of: Checked) -> list[Part]:
@@ -232,33 +255,3 @@ def _published() -> dict[str, tuple[str, str]]:
 
 def _spread(values: pd.Series[float]) -> str:
     return f"{values.median():.3f} [{values.min():.3f} to {values.max():.3f}]"
-
-
-#: the page of a mesh: anchor, title and parts of each panel; a panel without parts is left out
-PANELS: tuple[tuple[str, str, Callable[[Checked], list[Part]]], ...] = (
-    (
-        "reasons",
-        "Why it is not certified",
-        lambda of: [("points", of.certificate["reasons"])] if of.certificate["reasons"] else [],
-    ),
-    (
-        "remarks",
-        "What became of the surfaces",
-        lambda of: [("points", of.certificate["remarks"])] if of.certificate.get("remarks") else [],
-    ),
-    ("sections", "Sections", _sections),
-    ("pictures", "Surface and mesh", _surface_and_mesh),
-    ("tissues", "In the volume", _tissues),
-    ("resampled", "On the common mesh", _resampled),
-    ("repair", "The input was repaired", _repaired),
-    ("verdict", "Verdict", lambda of: [("verdict", [of_check(check) for check in of.certificate["checks"]])]),
-    ("quality", "Element quality", _quality),
-    ("worst", "Worst elements", lambda of: [("worst", {"of": of.certificate})]),
-    (
-        "turn",
-        "The boundary, to be turned",
-        lambda of: [("turned", {"view": boundary_view(of.mesh, of.certificate["worst_elements"])})],
-    ),
-    ("fidelity", "Distance to the surface that was meshed", lambda of: [("fidelity", {"of": of.certificate})]),
-    ("record", "Where it comes from", lambda of: [("record", {"of": of.certificate, "files": of.files})]),
-)

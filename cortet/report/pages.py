@@ -15,9 +15,9 @@ import hashlib
 import itertools
 import json
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple
 
 import jinja2
 
@@ -46,7 +46,6 @@ _LONG = 40
 
 #: a macro and its argument, or its arguments by name
 Part = tuple[str, Any]
-Subject = TypeVar("Subject")
 
 
 class Panel(NamedTuple):
@@ -56,12 +55,6 @@ class Panel(NamedTuple):
     name: str
     title: str
     parts: Sequence[Part]
-
-
-def panels(kinds: Iterable[tuple[str, str, Callable[[Subject], Sequence[Part]]]], subject: Subject) -> list[Panel]:
-    """The panels of a page about `subject`, from name, title and function; a panel without parts is left out."""
-    made = (Panel(name, title, parts(subject)) for name, title, parts in kinds)
-    return [panel for panel in made if panel.parts]
 
 
 def write(
