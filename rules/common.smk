@@ -19,9 +19,9 @@ from cortet import __version__
 from cortet.cohort.app import require_plain_python
 from cortet.cohort.bids import Places, descriptions, require_own_output
 from cortet.cohort.failures import made_otherwise
+from cortet.cohort.jobs import existing, existing_of
 from cortet.cohort.layout import EXPORTED, LABELS, SHARED, WILDCARDS, beside
 from cortet.cohort.lock import require_free
-from cortet.cohort.plan import existing
 from cortet.cohort.resources import cost
 from cortet.cohort.user_files import content
 from cortet.config import keys_not_given, read
@@ -130,6 +130,16 @@ def versions(*modules):
 def derived(function):
     """A parameter that is no reason to run a job again, as Snakemake takes one that depends on `input`."""
     return lambda wildcards, input: function(wildcards)
+
+
+def hemisphere(wildcards):
+    """Parameter of a rule: the hemisphere of the case, or None for an entire brain."""
+    return CASES[wildcards.case].hemi
+
+
+def names_of(kind):
+    """Parameter of a rule: names of the fields, volumes or inner surfaces of the case."""
+    return lambda wildcards: list(getattr(CASES[wildcards.case], kind))
 
 
 def stage_params(stage):

@@ -52,7 +52,7 @@ rule folded_surface:
         **asked("folded_surface"),
     params:
         week=lambda wildcards: float(wildcards.week),
-        hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
+        hemisphere=hemisphere,
         to_mm=PLAN.placement,
         resampled=PLAN.is_resampled,
         input_sha256=PLAN.input_sha256,
@@ -95,7 +95,7 @@ rule fold_figures:
     resources:
         **asked("fold_figures"),
     params:
-        hemisphere=lambda wildcards: CASES[wildcards.case].hemi,
+        hemisphere=hemisphere,
         files=derived(FOLDS.real_surfaces),
         maps=derived(FOLDS.pictured),
         weeks=lambda wildcards: list(FOLDS.pictured(wildcards)),

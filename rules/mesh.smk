@@ -25,7 +25,7 @@ rule generate:
     params:
         **stage_params("generate"),
     script:
-        "../scripts/generate.py"
+        "../scripts/mesh_stage.py"
 
 
 rule transfer:
@@ -51,9 +51,9 @@ rule transfer:
         **asked("transfer"),
     params:
         **stage_params("transfer"),
-        names_of_fields=PLAN.names_of_fields,
+        names_of_fields=names_of("fields"),
     script:
-        "../scripts/transfer.py"
+        "../scripts/mesh_stage.py"
 
 
 rule relocate:
@@ -177,6 +177,6 @@ rule solver_ready:
         **asked("solver_ready"),
     params:
         **stage_params("solver_ready"),
-        names_of_fields=PLAN.names_of_fields,
+        names_of_fields=names_of("fields"),
     script:
         "../scripts/mesh_stage.py"

@@ -49,12 +49,13 @@ rule figures:
 
 
 checkpoint baseline:
-    """S1 by a mesher of another project; where it fails, the mesh is empty and the report says why."""
+    """S1 by a mesher of another project; where it fails, the mesh is empty and its records say why."""
     input:
         surface=PLAN.meshed_surface,
     output:
         mesh=LAYOUT.mesh("Generated"),
         report=LAYOUT.mesh("Generated", "tetmesh.json"),
+        quality=LAYOUT.mesh("Generated", "quality.json"),
     log:
         LAYOUT.log("baseline", SHARED_MESH),
     benchmark:
@@ -71,30 +72,9 @@ checkpoint baseline:
             "cell_size": int(wildcards.res) / 1000,
             "time_limit": CONFIG.experiments.ablation.time_limit,
         },
-        version=version_of("meshers.baselines"),
+        version=versions("meshers.baselines", "measure.quality"),
     script:
         "../scripts/baseline.py"
-
-
-rule quality:
-    """Element quality of a mesh of another project's mesher that did not fail."""
-    input:
-        mesh=LAYOUT.mesh("Generated"),
-    output:
-        record=LAYOUT.mesh("Generated", "quality.json"),
-    log:
-        LAYOUT.log("quality", SHARED_MESH),
-    benchmark:
-        took("quality", SHARED_MESH)
-    wildcard_constraints:
-        mesher="|".join(EXPERIMENTS.compared_meshers) or "none",
-    resources:
-        **asked("quality"),
-    params:
-        **recorded(LABELS["generate"]),
-        version=version_of("measure.quality"),
-    script:
-        "../scripts/quality.py"
 
 
 rule reference:

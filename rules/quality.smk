@@ -21,13 +21,13 @@ rule certify:
     resources:
         **asked("certify"),
     params:
-        limits=PLAN.limits,
+        limits=lambda wildcards: PLAN.setting(wildcards).certify.values(),
         version=version_of("measure.certify"),
         input_sha256=PLAN.input_sha256,
         line=derived(PLAN.recorded_line),
         settings=PLAN.recorded_settings,
         to_mm=PLAN.placement,
-        inner=lambda wildcards: list(CASES[wildcards.case].inner),
+        inner=names_of("inner"),
     script:
         "../scripts/certify.py"
 
@@ -56,7 +56,7 @@ rule case_page:
         to_mm=PLAN.placement,
         cohort=derived(lambda wildcards: beside(LAYOUT.cohort_page, LAYOUT.case_page.format(**wildcards))),
         exported=PLAN.exported,
-        names_of_volumes=PLAN.names_of_volumes,
+        names_of_volumes=names_of("volumes"),
         version=[version_of("report.pages"), version_of("report.render")],
     script:
         "../scripts/case_page.py"
@@ -81,7 +81,7 @@ rule case_maps:
         **asked("case_maps"),
     params:
         version=version_of("report.cohort_maps"),
-        names_of_fields=PLAN.names_of_fields,
+        names_of_fields=names_of("fields"),
     script:
         "../scripts/case_maps.py"
 
@@ -92,7 +92,7 @@ rule volumes:
         mesh=LAYOUT.mesh("Solver"),
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
-        volumes=PLAN.existing_volumes,
+        volumes=existing_of(PLAN.volume_paths),
     output:
         mesh=intermediate(LAYOUT.mesh("Solver", "volumes.vtu")),
         table=LAYOUT.mesh("Solver", "volumes.tsv"),
@@ -108,7 +108,7 @@ rule volumes:
     params:
         version=versions("solver_files.volumes", "report.slices"),
         volumes=derived(lambda wildcards: dict(CASES[wildcards.case].volumes)),
-        names_of_volumes=PLAN.names_of_volumes,
+        names_of_volumes=names_of("volumes"),
         paths=derived(PLAN.volume_paths),
         input_sha256=lambda wildcards: content(PLAN.volume_paths(wildcards)),
         shares=CONFIG.export.label_shares,
@@ -123,7 +123,7 @@ rule export:
         certificate=LAYOUT.certificate,
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
-        fields=PLAN.existing_fields,
+        fields=existing_of(PLAN.field_paths),
     output:
         mesh=LAYOUT.mesh("Solver", "{suffix}"),
         sidecar=LAYOUT.mesh("Solver", "{suffix}.json"),
@@ -137,12 +137,12 @@ rule export:
     params:
         arguments=lambda wildcards: CONFIG.export_arguments(EXPORTED[wildcards.suffix]),
         version=version_of("solver_files.export"),
-        sets=PLAN.sets,
-        inner=lambda wildcards: list(CASES[wildcards.case].inner),
+        sets=lambda wildcards: CONFIG.export.sets(PLAN.kind_of_surface(wildcards)),
+        inner=names_of("inner"),
         given=derived(PLAN.given_surfaces),
         age=lambda wildcards: CASES[wildcards.case].scan_age,
         volumes=derived(lambda wildcards: dict(CASES[wildcards.case].volumes)),
-        names_of_volumes=PLAN.names_of_volumes,
+        names_of_volumes=names_of("volumes"),
         input_sha256=lambda wildcards: content(PLAN.field_paths(wildcards)),
         paths=derived(PLAN.field_paths),
         units=CONFIG.export.field_units,
@@ -159,7 +159,7 @@ if CONFIG.export.ten_nodes:
             certificate=LAYOUT.certificate,
             surface=PLAN.meshed_surface,
             inner=PLAN.inner_surfaces,
-            fields=PLAN.existing_fields,
+            fields=existing_of(PLAN.field_paths),
         output:
             LAYOUT.ten_node_files(CONFIG.export.ten_nodes),
         log:
@@ -173,9 +173,9 @@ if CONFIG.export.ten_nodes:
             arguments={"uncertified": CONFIG.export.uncertified},
             version=versions("solver_files.ten_nodes", "solver_files.export"),
             max_boundary_distance=CONFIG.certify.max_boundary_distance,
-            sets=PLAN.sets,
+            sets=lambda wildcards: CONFIG.export.sets(PLAN.kind_of_surface(wildcards)),
             volumes=derived(lambda wildcards: dict(CASES[wildcards.case].volumes)),
-            names_of_volumes=PLAN.names_of_volumes,
+            names_of_volumes=names_of("volumes"),
             input_sha256=lambda wildcards: content(PLAN.field_paths(wildcards)),
             paths=derived(PLAN.field_paths),
             units=CONFIG.export.field_units,

@@ -2,9 +2,10 @@
 
 
 rule phantom:
-    """A synthetic cortex of the case's age."""
+    """A synthetic cortex of the case's age, and the sphere that it is made of."""
     output:
         surface=LAYOUT.surface("phantom"),
+        sphere=LAYOUT.surface("phantom", "sphere.surf.gii"),
     log:
         LAYOUT.log("phantom", SURFACE),
     benchmark:
@@ -37,28 +38,11 @@ rule phantom_inner:
         "../scripts/phantom_inner.py"
 
 
-rule phantom_sphere:
-    """The sphere that a synthetic cortex was made of."""
-    output:
-        sphere=LAYOUT.surface("phantom", "sphere.surf.gii"),
-    log:
-        LAYOUT.log("phantom_sphere", SURFACE),
-    benchmark:
-        took("phantom_sphere", SURFACE)
-    resources:
-        **asked("phantom_sphere"),
-    params:
-        arguments=PLAN.phantom_arguments,
-        version=version_of("phantoms"),
-    script:
-        "../scripts/phantom_sphere.py"
-
-
 rule fields:
     """The per-vertex fields of a case on the vertices that the gate let in; S1 does not depend on them."""
     input:
         surface=PLAN.surface,
-        fields=PLAN.existing_fields,
+        fields=existing_of(PLAN.field_paths),
         sphere=PLAN.sphere,
         template=PLAN.template,
     output:
@@ -101,7 +85,7 @@ rule resample:
         **stage_params("resample"),
         source=derived(PLAN.source),
         to_mm=PLAN.placement,
-        hemi=PLAN.hemisphere,
+        hemi=hemisphere,
     script:
         "../scripts/resample.py"
 
@@ -137,7 +121,7 @@ rule gate:
         repair=partial(PLAN.arguments, "repair") if CONFIG.enabled("repair") else None,
         version_of_repair=version_of("stages.repair"),
         to_mm=PLAN.placement_after_resampling,
-        hemi=PLAN.hemisphere,
+        hemi=hemisphere,
     script:
         "../scripts/gate.py"
 

@@ -3,7 +3,7 @@
 A job writes everything to its log. While it runs, and if it fails, a file beside the log says so
 (`cortet.cohort.status`); a job that succeeds deletes it. To run a job again in a debugger, let Snakemake keep its
 script, which holds the job: `snakemake --cores 1 --skip-script-cleanup FILE`, then
-`python -m pdb -c continue .snakemake/scripts/*.generate.py`.
+`python -m pdb -c continue .snakemake/scripts/*.gate.py`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""S1 by another mesher; where it fails, the mesh has no elements and the report says why."""
+"""S1 by another mesher; where it fails, the mesh has no elements and its records say why."""
 
 import logging
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 from _job import start
@@ -11,15 +12,19 @@ job = start(snakemake)
 from cortet.errors import StageError
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
+from cortet.measure.quality import summarise
 from cortet.meshes import TetMesh
 from cortet.stages import STAGES
 
 try:
     mesh, made = STAGES["generate"].run(gifti.read_surface(job.input.surface), **job.arguments)
-    report = asdict(made)
+    report: dict[str, Any] = asdict(made)
+    quality: dict[str, Any] = asdict(summarise(mesh))
 except StageError as error:
     logging.getLogger("cortet").warning("%s", error)
     mesh = TetMesh(np.empty((0, 3)), np.empty((0, 4), np.int32))
     report = {"mesher": job.arguments["mesher"], "failure": str(error)}
+    quality = {"failure": str(error)}
 vtu.write(mesh, job.output.mesh)
 write_json(job.record(report), job.output.report)
+write_json(job.record(quality), job.output.quality)

@@ -1,10 +1,11 @@
-"""A synthetic cortex of the case's age."""
+"""A synthetic cortex of the case's age, and the sphere that it is made of."""
 
 from _job import start
 
 job = start(snakemake)
 
 from cortet.formats.gifti import write_surface
-from cortet.phantoms import phantom
+from cortet.phantoms import phantom_with_sphere
 
-write_surface(phantom(**job.arguments), job.output.surface)
+for surface, file in zip(phantom_with_sphere(**job.arguments), job.output, strict=True):
+    write_surface(surface, file)

@@ -6,7 +6,7 @@ from _job import start
 
 job = start(snakemake)
 
-from cortet.cohort.surface_files import missing_surface, require_hemisphere
+from cortet.cohort.user_files import missing_surface, require_hemisphere
 from cortet.formats import gifti
 from cortet.formats.atomic import write_json
 from cortet.formats.placement import placed

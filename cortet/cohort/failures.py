@@ -14,24 +14,25 @@ from typing import Any
 
 from cortet.cohort.jobs import Mesh
 from cortet.cohort.layout import EXPORTED
-from cortet.cohort.outdated import can_be_read, earlier_results, first_other_stage
+from cortet.cohort.outdated import certificates_of, earlier_results, first_other_stage
 from cortet.cohort.plan import AFTER_CERTIFICATE, Plan
 from cortet.cohort.selection import folded
 from cortet.cohort.sheet import Case
-from cortet.cohort.status import STOPPED, failure_reason
+from cortet.cohort.status import STOPPED, certificate_of, failure_reason
 from cortet.formats.ownership import json_of
 from cortet.stages import STAGES
 
 #: rules on a case, in the order in which a case goes through them
 ORDER = (
-    *("phantom", "phantom_inner", "phantom_sphere", "fields"),
+    *("phantom", "phantom_inner", "fields"),
     *(f"{name}{of}" for name, stage in STAGES.items() for of in ("", "_inner") if of == "" or stage.gives == "surface"),
-    *("quality", "certify"),
+    "certify",
     *AFTER_CERTIFICATE,
 )
 #: why a mesh is unfinished although its case has one
 _OTHER_SIZE = "its mesh has another cell size or mesher, and no run made the one that is asked for now"
 _OTHER = "its mesh was made with other settings, or of another surface, than the present ones"
+_DAMAGED = "its certificate is damaged, or of another version of cortet"
 
 
 @dataclass(frozen=True)
@@ -86,29 +87,28 @@ def with_failures(plan: Plan, *, ended: bool = True) -> Plan:
     for failure in found:
         by_case.setdefault(failure.wildcards.get("case", ""), []).append(failure)
     known: dict[Mesh, dict[str, Any]] = {}
-    for mesh in plan.each_case(plan.layout.certificate):
-        if state := _state(plan, mesh, by_case.get(mesh[0], [])):
+    for mesh, certificate in plan.certificates().items():
+        if state := _state(plan, mesh, certificate, by_case.get(mesh[0], [])):
             known[mesh] = state | earlier_results(plan, plan.cases[mesh[0]])
     return replace(plan, failures=known, failed=found)
 
 
-def _state(plan: Plan, mesh: Mesh, of_case: Sequence[Failure]) -> dict[str, Any] | None:
+def _state(plan: Plan, mesh: Mesh, certificate: Path, of_case: Sequence[Failure]) -> dict[str, Any] | None:
     """How a mesh failed, or that it is unfinished: `stage`, `state`, `reason`, and `log` if it failed."""
-    (_, res, mesher), job = mesh, plan.job(mesh)
-    own = (one for one in of_case if one.is_about(res=res, mesher=mesher, setting="") and _counts(plan, job, one))
-    if failure := next(own, None):
-        words = {"reason": failure.reason, "problem": failure.problem, "remedy": failure.remedy}
-        return {"stage": failure.rule, "state": "failed", **words, "log": str(failure.log)}
-    files = plan.layout.solver_files(plan.config.export.formats, plan.config.export.ten_nodes)
+    job = plan.job(mesh)
+    for one in of_case:
+        if one.is_about(res=job["res"], mesher=job["mesher"], setting="") and _counts(plan, job, certificate, one):
+            words = {"reason": one.reason, "problem": one.problem, "remedy": one.remedy}
+            return {"stage": one.rule, "state": "failed", **words, "log": str(one.log)}
     reason = "the run ended before"
     if stage := first_other_stage(plan, mesh):
-        of_any = Path(plan.layout.certificate.format(**{**job, "res": "*", "mesher": "*"}))
-        if not Path(plan.layout.certificate.format(**job)).exists():
-            reason = _OTHER_SIZE if any(of_any.parent.glob(of_any.name)) else reason
-        else:
-            reason = f"{_OTHER}; `snakemake --forcerun {_rule_of(stage)}` makes it again"
-    elif any(not Path(pattern.format(**job)).exists() for pattern in files):
-        stage = "export"
+        again = f"`snakemake --forcerun {_rule_of(stage)}` makes it again"
+        if certificate.exists():
+            reason = f"{_OTHER if certificate_of(certificate) else _DAMAGED}; {again}"
+        elif certificates_of(plan, plan.case(job)):
+            reason = _OTHER_SIZE
+    elif missing := [stage for path, stage in plan.final_files(mesh).items() if not Path(path).exists()]:
+        stage = missing[0]
     else:
         return None
     return {"stage": stage, "state": "unfinished", "reason": reason}
@@ -116,13 +116,8 @@ def _state(plan: Plan, mesh: Mesh, of_case: Sequence[Failure]) -> dict[str, Any]
 
 def made_otherwise(plan: Plan) -> dict[str, int]:
     """Rule from which on meshes were made otherwise than planned -> their number."""
-    return dict(
-        Counter(
-            _rule_of(stage)
-            for mesh, certificate in plan.each_case(plan.layout.certificate).items()
-            if Path(certificate).exists() and (stage := first_other_stage(plan, mesh))
-        )
-    )
+    there = [mesh for mesh, certificate in plan.certificates().items() if certificate.exists()]
+    return dict(Counter(_rule_of(stage) for mesh in there if (stage := first_other_stage(plan, mesh))))
 
 
 def _rule_of(stage: str) -> str:
@@ -130,14 +125,13 @@ def _rule_of(stage: str) -> str:
     return "gate" if stage == "repair" else stage
 
 
-def _counts(plan: Plan, job: Mapping[str, str], failure: Failure) -> bool:
+def _counts(plan: Plan, job: Mapping[str, str], certificate: Path, failure: Failure) -> bool:
     """Whether a job that failed is one that the plan still asks for."""
     case, wildcards, rule = plan.case(job), failure.wildcards, failure.rule
-    certificate = Path(plan.layout.certificate.format(**job))
+    if rule in AFTER_CERTIFICATE and not certificate_of(certificate):
+        return False  # it is the certificate that has to be made again
     if rule not in AFTER_CERTIFICATE and certificate.exists() and failure.time < certificate.stat().st_mtime:
         return False  # the mesh has been made since
-    if rule in AFTER_CERTIFICATE and certificate.exists() and not can_be_read(certificate):
-        return False  # it is the certificate that has to be made again
     stage = STAGES.get(rule.removesuffix("_inner"))
     asked = {
         "volumes": bool(case.volumes),

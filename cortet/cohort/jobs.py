@@ -13,12 +13,13 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
-from cortet.cohort.layout import LABELS, SHARED, Layout, file_of, filled
+from cortet.cohort.layout import LABELS, SHARED, Layout, filled
 from cortet.cohort.resources import cost, expected_tets, expected_volume_ml, memory_to_ask_mb, minutes_to_ask
 from cortet.cohort.sheet import PHANTOM, Case
 from cortet.cohort.user_files import content
 from cortet.config import Config
 from cortet.errors import InputError
+from cortet.formats import FORMATS
 from cortet.formats.volumes import label_table, volume_file
 from cortet.meshes import by_region
 from cortet.stages import STAGES, Stage, arguments_of, certify_record, record_of, stages_of
@@ -80,21 +81,52 @@ class Jobs:
         """Cell sizes of a case, µm: its own one, or those of the configuration."""
         return [round(1000 * case.cell_size)] if case.cell_size else self.resolutions
 
-    def each_case(self, pattern: str) -> dict[Mesh, str]:
-        """Files of a pattern for all included cases that are asked for, cell sizes and meshers."""
-        return {
-            (case.name, res, mesher): file_of(pattern, case, res, mesher)
+    def meshes(self) -> list[Mesh]:
+        """Meshes of all included cases that are asked for, at each cell size and by each mesher."""
+        return [
+            (case.name, res, mesher)
             for case in self.cases.values()
             if self.chosen is None or case.name in self.chosen
             for res in self.resolutions_of(case)
             for mesher in self.config.generate.meshers
-        }
+        ]
+
+    def job(self, mesh: Mesh) -> dict[str, str]:
+        """Wildcards of the jobs on a mesh of the line."""
+        case, res, mesher = mesh
+        return {"folder": self.cases[case].folder, "case": case, "res": str(res), "mesher": mesher, "setting": ""}
+
+    def file(self, pattern: str, mesh: Mesh) -> str:
+        """The file of a pattern for a mesh of the line."""
+        return pattern.format(**self.job(mesh))
+
+    def each_case(self, pattern: str) -> dict[Mesh, str]:
+        """The file of a pattern for each of `meshes`."""
+        return {mesh: self.file(pattern, mesh) for mesh in self.meshes()}
+
+    def certificates(self) -> dict[Mesh, Path]:
+        """Certificates of all meshes, whether or not they are there."""
+        return {mesh: Path(path) for mesh, path in self.each_case(self.layout.certificate).items()}
+
+    def exports(self, mesh: Mesh) -> list[Path]:
+        """Files of a mesh for solvers that are asked for."""
+        patterns = self.layout.solver_files(self.config.export.formats, self.config.export.ten_nodes)
+        return [Path(self.file(pattern, mesh)) for pattern in patterns]
+
+    def other_exports(self, mesh: Mesh) -> list[Path]:
+        """Files of a mesh for solvers that an earlier run may have been asked for."""
+        patterns = self.layout.solver_files({*FORMATS} - {*self.config.export.formats})
+        return [Path(self.file(pattern, mesh)) for pattern in patterns]
+
+    def final_files(self, mesh: Mesh) -> dict[str, str]:
+        """The last mesh and the files for solvers -> what makes each; a file that was deleted is made again."""
+        last = self.file(self.layout.mesh(LABELS["solver_ready"]), mesh)
+        return {last: "solver_ready", **{str(path): "export" for path in self.exports(mesh)}}
 
     def solver_files(self) -> list[str]:
-        """Files for solvers and certificates of all meshes; a deleted file is made again."""
-        export = self.config.export
-        patterns = [*self.layout.solver_files(export.formats, export.ten_nodes), self.layout.certificate]
-        return [path for pattern in patterns for path in self.each_case(pattern).values()]
+        """Last meshes, files for solvers, and certificates of all meshes."""
+        final = [path for mesh in self.meshes() for path in self.final_files(mesh)]
+        return [*final, *self.each_case(self.layout.certificate).values()]
 
     def measured_stages(self) -> list[str]:
         """Labels of the stages whose meshes are measured."""
@@ -124,10 +156,6 @@ class Jobs:
     def is_resampled(self, job: Job) -> bool:
         """Whether the line of a case begins with its resampling onto the common mesh."""
         return self.config.enabled("resample") and self.case(job).sphere is not None
-
-    def hemisphere(self, job: Job) -> str | None:
-        """The hemisphere of a case; None for a whole brain."""
-        return self.case(job).hemi
 
     def placement(self, job: Job) -> Placement:
         """Matrix that takes the coordinates of a case to mm; None if they are mm.
@@ -174,10 +202,6 @@ class Jobs:
         of_case = {"gestational_age": case.scan_age, "hemisphere": case.hemi}
         return {"subdivisions": section.subdivisions, "seed": section.seed, **of_case}
 
-    def limits(self, job: Job) -> dict[str, Any]:
-        """Limits of the certificate of a mesh."""
-        return self.setting(job).certify.values()
-
     def stages_before(self, stage: str, job: Job) -> list[str]:
         """The stages of the line of a job that come before a stage: a job runs again if one is left out or added."""
         names = [one.name for one in self.line(job)]
@@ -192,14 +216,6 @@ class Jobs:
     def recorded_settings(self, job: Job) -> dict[str, Any]:
         """As `recorded_line`, without names of files: if it changes, a certificate is made again."""
         return {step: without_locations(recorded) for step, recorded in self.recorded_line(job).items()}
-
-    def names_of_fields(self, job: Job) -> list[str]:
-        """Names of the fields of a case."""
-        return list(self.case(job).fields)
-
-    def names_of_volumes(self, job: Job) -> list[str]:
-        """Names of the volumes of a case."""
-        return list(self.case(job).volumes)
 
     def _arguments(self, stage: str, job: Job) -> dict[str, Any]:
         return arguments_of(self._config_of(stage, job), stage, self._facts_of(stage, job))
@@ -260,10 +276,6 @@ class Jobs:
         case = self.case(job)
         return None if case.is_phantom else _kind_of(case.surface)
 
-    def sets(self, job: Job) -> dict[str, Any]:
-        """What the sets of an exported mesh are made by."""
-        return self.config.export.sets(self.kind_of_surface(job))
-
     def input_sha256(self, job: Job) -> dict[str, str | None]:
         """Hashes of `paths`. Editing a file reruns its whole case; touching it reruns nothing."""
         return content(self.paths(job))
@@ -305,10 +317,6 @@ class Jobs:
             return self.layout.surface(STAGES["resample"].label, inner=inner)
         return self.inner_source(job) if inner else self.surface(job)
 
-    def existing_volumes(self, job: Job) -> list[str]:
-        """The files of `volume_paths` that exist; the job reports the others."""
-        return [path for path in self.volume_paths(job).values() if os.path.isfile(path)]  # noqa: PTH113, names too long
-
     def mesh_with_volumes(self, job: Job) -> str:
         """The mesh at the end of the line, with what its volumes hold if the case has some."""
         suffix = "volumes.vtu" if self.case(job).volumes else "tetmesh.vtu"
@@ -316,14 +324,9 @@ class Jobs:
 
     def tissues(self, job: Job) -> list[str]:
         """The table of the labels of a mesh, and the picture of its slices; none if it has no volumes."""
-        mesh = (job["case"], int(job["res"]), job["mesher"])
-        if not self.case(job).volumes or self.failures.get(mesh, {}).get("stage") == "volumes":
+        if not self.case(job).volumes:
             return []
         return [filled(self.layout.mesh("Solver", suffix), job) for suffix in ("volumes.tsv", "slices.png")]
-
-    def existing_fields(self, job: Job) -> list[str]:
-        """The files of a case's fields that exist; the job reports the others."""
-        return [path for path in self.field_paths(job).values() if os.path.isfile(path)]  # noqa: PTH113, names too long
 
     def fields(self, job: Job) -> str | list[str]:
         """The file of the case's fields; empty if it has none."""
@@ -439,6 +442,11 @@ def without_locations(arguments: Mapping[str, Any]) -> dict[str, Any]:
 def existing(path: str | Path | None) -> str | list[str]:
     """The file if it exists: the job reports a missing file, so that other cases continue."""
     return str(path) if path and os.path.isfile(path) else []  # noqa: PTH113, false of names that are too long
+
+
+def existing_of(paths: Callable[[Job], Mapping[str, str]]) -> Callable[[Job], list[str]]:
+    """An input function: those files of a job that exist."""
+    return lambda job: [path for path in paths(job).values() if existing(path)]
 
 
 @cache

@@ -8,13 +8,13 @@ deleted.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 
 from cortet.cohort.jobs import Job, Mesh, without_locations
-from cortet.cohort.layout import EXPORTED
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import Case
+from cortet.cohort.status import certificate_of
 from cortet.formats.ownership import files_of, json_of
 
 #: folder of a case for its outdated results, in numbered folders
@@ -45,19 +45,21 @@ def set_aside(plan: Plan, *, dropped: bool = False) -> list[str]:
             told.append(f"{case.name}: {why}, and its earlier results were moved to {moved}")
 
     for case in plan.cases.values():
-        move(case, "its surface has changed", _of_other_surfaces(plan, case))
-    for mesh in plan.each_case(plan.layout.certificate):
-        case, failure, job = plan.cases[mesh[0]], plan.failures.get(mesh, {}), plan.job(mesh)
-        if failure.get("state") == "failed" and None not in plan.input_sha256(job).values():
-            entries = _results(plan, mesh) if not plan.is_measured(mesh) else []
-            entries = _exported(plan, mesh) if failure["stage"] == "volumes" else entries
+        changed = [one for one in certificates_of(plan, case) if _has_changed(plan, _job_of(case), one)]
+        move(case, "its surface has changed", [path for one in changed for path in _made_with(one)])
+    for mesh, certificate in plan.certificates().items():
+        case, failure = plan.cases[mesh[0]], plan.failures.get(mesh, {})
+        if failure.get("state") == "failed" and None not in plan.input_sha256(plan.job(mesh)).values():
+            entries = _made_with(certificate) if certificate.exists() and not plan.is_measured(mesh) else []
+            entries = _with_companions(plan.exports(mesh)) if failure["stage"] == "volumes" else entries
             move(case, f"{failure['stage']} failed", entries)
-        move(case, "it has another mesh now", _of_an_earlier_mesh(plan, mesh))
+        others = [path for path in plan.other_exports(mesh) if _is_older(path, certificate)]
+        move(case, "it has another mesh now", _with_companions(others))
     excluded = {case.name for case in plan.sheet if not case.include}
     for name, folder in _without_row(plan):
         if dropped or name in excluded:
-            entries = (path for begin in ("res-", "desc-") for path in folder.glob(f"*/{name}_{begin}*"))
-            moved = _move(folder, (path for path in entries if path.parent.name != "anat"))
+            left = (path for begin in ("res-", "desc-") for path in folder.glob(f"*/{name}_{begin}*"))
+            moved = _move(folder, (path for path in left if path.parent.name != "anat"))
             told.append(f"{name}: the sheet does not include it, and its results were moved to {moved}")
     return told
 
@@ -73,11 +75,10 @@ def first_other_stage(plan: Plan, mesh: Mesh) -> str | None:
 
     Its certificate records the parameters and versions of all stages; names of files do not count.
     """
-    job = plan.job(mesh)
+    job, certificate = plan.job(mesh), Path(plan.file(plan.layout.certificate, mesh))
     wanted = json.loads(json.dumps(plan.recorded_settings(job), default=str))
-    certificate = Path(plan.layout.certificate.format(**job))
-    made = json_of(certificate).get("parameters")
-    if made is None or not can_be_read(certificate):
+    made = certificate_of(certificate).get("parameters")
+    if made is None:
         reports = plan.reports(job)
         return next((stage for stage in wanted if stage in reports and not Path(reports[stage]).exists()), "certify")
     if _has_changed(plan, job, certificate):
@@ -85,9 +86,14 @@ def first_other_stage(plan: Plan, mesh: Mesh) -> str | None:
     return next((stage for stage in wanted if wanted[stage] != without_locations(made.get(stage, {}))), None)
 
 
-def can_be_read(certificate: Path) -> bool:
-    """Whether a certificate is whole, and not of a version before its content had a schema."""
-    return "schema" in json_of(certificate)
+def certificates_of(plan: Plan, case: Case) -> list[Path]:
+    """The certificates of a case that are there, of any cell size, mesher and setting."""
+    return sorted((Path(plan.layout.output) / case.folder).glob(f"mesh/{case.name}_res-*{_CERTIFICATE}"))
+
+
+def _job_of(case: Case) -> dict[str, str]:
+    """Wildcards of a job on any mesh of a case."""
+    return {"folder": case.folder, "case": case.name, "res": ""}
 
 
 def _has_changed(plan: Plan, job: Job, certificate: Path) -> bool:
@@ -101,54 +107,25 @@ def _has_changed(plan: Plan, job: Job, certificate: Path) -> bool:
     )
 
 
-def _of_other_surfaces(plan: Plan, case: Case) -> Iterator[Path]:
-    """The results of a case, of any cell size, mesher and setting, that were made from other files of the user."""
-    folder = Path(plan.layout.output) / case.folder
-    job = {"folder": case.folder, "case": case.name, "res": ""}
-    for certificate in folder.glob(f"mesh/{case.name}_res-*{_CERTIFICATE}"):
-        if _has_changed(plan, job, certificate):
-            yield from _made_with(folder, certificate)
+def _is_older(file: Path, certificate: Path) -> bool:
+    """Whether both files are there, and the first is older."""
+    return file.exists() and certificate.exists() and file.stat().st_mtime < certificate.stat().st_mtime
 
 
-def _made_with(folder: Path, certificate: Path) -> Iterator[Path]:
+def _made_with(certificate: Path) -> list[Path]:
     """The mesh of a certificate, and what was made of it: exports, page, folds."""
-    stem = certificate.name.removesuffix(_CERTIFICATE)
-    for label in ("Solver", "Folded"):
-        yield from folder.glob(f"*/{stem}{label}*")
+    folder, stem = certificate.parents[1], certificate.name.removesuffix(_CERTIFICATE)
+    return [path for label in ("Solver", "Folded") for path in folder.glob(f"*/{stem}{label}*")]
 
 
-def _results(plan: Plan, mesh: Mesh) -> Iterator[Path]:
-    """The results of a mesh of the line that has a certificate."""
-    certificate = Path(plan.layout.certificate.format(**plan.job(mesh)))
-    return _made_with(certificate.parents[1], certificate) if certificate.exists() else iter(())
-
-
-def _exported(plan: Plan, mesh: Mesh) -> list[Path]:
-    """The files of a mesh for solvers that are asked for, and those that belong to them."""
-    patterns = plan.layout.solver_files(plan.config.export.formats, plan.config.export.ten_nodes)
-    files = [Path(pattern.format(**plan.job(mesh))) for pattern in patterns]
-    return [path for file in files for path in _with_companions(file)]
-
-
-def _of_an_earlier_mesh(plan: Plan, mesh: Mesh) -> list[Path]:
-    """Files for solvers that are no longer asked for, older than the certificate."""
-    certificate = Path(plan.layout.certificate.format(**plan.job(mesh)))
-    asked = plan.config.export.formats
-    patterns = [plan.layout.mesh("Solver", suffix) for suffix, name in EXPORTED.items() if name not in asked]
-    files = [Path(pattern.format(**plan.job(mesh))) for pattern in patterns]
-    return [
-        path
-        for file in files
-        if file.exists() and certificate.exists() and file.stat().st_mtime < certificate.stat().st_mtime
-        for path in _with_companions(file)
-    ]
-
-
-def _with_companions(file: Path) -> list[Path]:
-    """A file for a solver, its sidecar, and the files that this lists; those that are there."""
-    record = file.with_name(f"{file.name}.json")
-    names = sorted({file.name, record.name, *files_of(record)})
-    return [file.parent / name for name in names if (file.parent / name).is_file()]
+def _with_companions(files: Iterable[Path]) -> list[Path]:
+    """Files for solvers, their sidecars, and the files that these list; those that are there."""
+    found = []
+    for file in files:
+        record = file.with_name(f"{file.name}.json")
+        names = {file.name, record.name, *files_of(record)}
+        found += [path for path in map(file.with_name, names) if path.is_file()]
+    return found
 
 
 def _without_row(plan: Plan) -> list[tuple[str, Path]]:

@@ -9,13 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cortet.cohort.jobs import Job, Jobs, Mesh, existing
+from cortet.cohort.jobs import Job, Jobs, Mesh
 from cortet.cohort.layout import EXPORTED, beside, filled
 from cortet.cohort.selection import ageless_notice
 from cortet.formats.ownership import changed_of, files_of
 from cortet.stages import stages_of
-
-__all__ = ["AFTER_CERTIFICATE", "Plan", "existing"]
 
 #: rules after the certificate: the mesh is measured even if they fail
 AFTER_CERTIFICATE = (
@@ -53,13 +51,12 @@ class Plan(Jobs):
         """What was changed or deleted of the files for solvers since cortet wrote them, in sentences."""
         again = "is made again when it is deleted"
         told = []
-        for mesh in self.solver_files():
-            record = Path(f"{mesh}.json")
+        for file in (path for mesh in self.meshes() for path in self.exports(mesh)):
+            record = Path(f"{file}.json")
             gone = [name for name in files_of(record) if not (record.parent / name).is_file()]
-            told += [f"{record.parent / name} is gone: {mesh}, to which it belongs, {again}" for name in gone]
-            told += (
-                [] if gone else [f"{file} was changed after cortet wrote it: it {again}" for file in changed_of(record)]
-            )
+            told += [f"{record.parent / name} is gone: {file}, to which it belongs, {again}" for name in gone]
+            changed = [] if gone else changed_of(record)
+            told += [f"{path} was changed after cortet wrote it: it {again}" for path in changed]
         return told
 
     # --- what failed, and what is over all cases -----------------------------------------------------------------
@@ -68,35 +65,27 @@ class Plan(Jobs):
         """Whether a mesh has its certificate: it did not fail, or only after the certificate."""
         return mesh not in self.failures or self.failures[mesh]["stage"] in AFTER_CERTIFICATE
 
-    def job(self, mesh: Mesh) -> dict[str, str]:
-        """Wildcards of the jobs on a mesh of the line."""
-        case, res, mesher = mesh
-        return {"folder": self.cases[case].folder, "case": case, "res": str(res), "mesher": mesher, "setting": ""}
+    def measured(self) -> list[Mesh]:
+        """The meshes that have their certificate."""
+        return [*filter(self.is_measured, self.meshes())]
 
     def unmeasured(self) -> dict[str, str]:
         """Why cases have no certificate, by their names, without what to do about it."""
-        return {
-            mesh[0]: failure.get("problem") or failure["reason"]
-            for mesh, failure in self.failures.items()
-            if not self.is_measured(mesh)
-        }
+        failed = [mesh for mesh in self.failures if not self.is_measured(mesh)]
+        return {mesh[0]: self.failures[mesh].get("problem") or self.failures[mesh]["reason"] for mesh in failed}
 
     def measured_certificates(self) -> list[str]:
         """Certificates of all meshes that have one."""
-        return [path for mesh, path in self.each_case(self.layout.certificate).items() if self.is_measured(mesh)]
+        return [self.file(self.layout.certificate, mesh) for mesh in self.measured()]
 
     def stage_records(self) -> list[str]:
         """Quality records, stage by stage, of the meshes that have a certificate."""
-        records = [self.each_case(self.layout.mesh(label, "quality.json")) for label in self.measured_stages()]
-        meshes = filter(self.is_measured, self.each_case(self.layout.certificate))
-        return [record[mesh] for mesh in meshes for record in records]
+        patterns = [self.layout.mesh(label, "quality.json") for label in self.measured_stages()]
+        return [self.file(pattern, mesh) for mesh in self.measured() for pattern in patterns]
 
     def exported_files(self) -> list[str]:
-        """Files for solvers of the meshes that did not fail."""
-        patterns = self.layout.solver_files(self.config.export.formats, self.config.export.ten_nodes)
-        return [
-            path for pattern in patterns for mesh, path in self.each_case(pattern).items() if mesh not in self.failures
-        ]
+        """Last meshes, and files for solvers, of the meshes that did not fail."""
+        return [path for mesh in self.meshes() if mesh not in self.failures for path in self.final_files(mesh)]
 
     def exported(self, job: Job) -> dict[str, Any]:
         """Names and formats of a mesh's files for solvers, and whether a mesh that is not certified has them."""
@@ -117,18 +106,9 @@ class Plan(Jobs):
 
     def tissue_tables(self) -> dict[Mesh, str]:
         """Tables of the tissue in the meshes of cases with volumes."""
-        return {
-            mesh: path
-            for mesh, path in self.each_case(self.layout.mesh("Solver", "volumes.tsv")).items()
-            if self.cases[mesh[0]].volumes
-            and self.is_measured(mesh)
-            and self.failures.get(mesh, {}).get("stage") != "volumes"
-        }
-
-    def described(self, mesh: Mesh) -> dict[str, Any]:
-        """Case, age, cell size and mesher of a mesh."""
-        case, res, mesher = mesh
-        return {"case": case, "scan_age": self.cases[case].scan_age, "cell_size_mm": res / 1000, "mesher": mesher}
+        meshes = [mesh for mesh in self.measured() if self.cases[mesh[0]].volumes]
+        made = [mesh for mesh in meshes if self.failures.get(mesh, {}).get("stage") != "volumes"]
+        return {mesh: self.file(self.layout.mesh("Solver", "volumes.tsv"), mesh) for mesh in made}
 
     def mapped(self, hemi: str) -> list[str]:
         """Cases of a hemisphere that are resampled onto the common mesh."""
@@ -140,13 +120,13 @@ class Plan(Jobs):
 
         While a run is planned, these are the maps that it makes; afterwards, those that exist.
         """
-        files = self.each_case(self.layout.mesh("Solver", "maps.surf.gii"))
-        meshes = [
-            (name, self.resolutions_of(self.cases[name])[0], self.config.generate.meshers[0])
-            for name in self.mapped(hemi)
-        ]
-        made = {mesh[0]: files[mesh] for mesh in meshes if mesh in files and self.is_measured(mesh)}
-        return {case: path for case, path in made.items() if self.failed is None or Path(path).exists()}
+        made, measured = {}, {*self.measured()}
+        for name in self.mapped(hemi):
+            mesh = (name, self.resolutions_of(self.cases[name])[0], self.config.generate.meshers[0])
+            path = self.file(self.layout.mesh("Solver", "maps.surf.gii"), mesh)
+            if mesh in measured and (self.failed is None or Path(path).exists()):
+                made[name] = path
+        return made
 
     def about(self, job: Job) -> dict[str, Any]:
         """The facts at the top of the page of a mesh."""
@@ -159,35 +139,31 @@ class Plan(Jobs):
             "mesher": job["mesher"],
         }
 
+    def described(self, mesh: Mesh) -> dict[str, Any]:
+        """Case, age, hemisphere, cell size and mesher of a mesh."""
+        name, res, mesher = mesh
+        case = self.cases[name]
+        of_case = {"case": name, "scan_age": case.scan_age, "hemi": case.hemi}
+        return {**of_case, "cell_size_mm": res / 1000, "mesher": mesher}
+
     def listed_on_page(self) -> list[dict[str, Any]]:
         """The meshes that the page of all cases lists."""
-        return [
-            {
-                "case": case,
-                "scan_age": self.cases[case].scan_age,
-                "hemi": self.cases[case].hemi,
-                "cell_size_mm": res / 1000,
-                "mesher": mesher,
-                "page": beside(page, self.layout.cohort_page),
-            }
-            for (case, res, mesher), page in self.each_case(self.layout.case_page).items()
-        ]
+        pages = self.each_case(self.layout.case_page)
+        return [self.described(mesh) | {"page": beside(page, self.layout.cohort_page)} for mesh, page in pages.items()]
 
     def status(self) -> list[dict[str, Any]]:
-        """Parameter of the status table: excluded rows, failures, and the certificates of the other meshes."""
-        meshes = [
-            {
-                "case": name,
-                "cell_size_mm": res / 1000,
-                "mesher": mesher,
-                **{key: of[key] for key in ("stage", "state", "reason", "log", "earlier") if key in of},
-                **({"certificate": certificate} if self.is_measured((name, res, mesher)) else {}),
-            }
-            for (name, res, mesher), certificate in self.each_case(self.layout.certificate).items()
-            for of in [self.failures.get((name, res, mesher), {})]
-        ]
+        """The columns of the status table that are known of each mesh and each excluded row.
+
+        In addition, the path of the `certificate`, if the mesh is measured, and that of `earlier`, outdated, results.
+        """
+        rows = []
+        for mesh, certificate in self.each_case(self.layout.certificate).items():
+            name, res, mesher = mesh
+            row = {"case": name, "cell_size_mm": res / 1000, "mesher": mesher, **self.failures.get(mesh, {})}
+            row |= {"certificate": certificate} if self.is_measured(mesh) else {}
+            rows.append({key: value for key, value in row.items() if key not in ("problem", "remedy")})
         excluded = [case for case in self.sheet if not case.include]
-        return meshes + [{"case": case.name, "state": "excluded", "reason": case.exclude_reason} for case in excluded]
+        return rows + [{"case": case.name, "state": "excluded", "reason": case.exclude_reason} for case in excluded]
 
     def files_of_cases(self) -> list[str]:
         """All files of single cases that a whole run makes, without those of folds."""

@@ -13,8 +13,6 @@ from cortet.formats.atomic import write_json
 from cortet.formats.ownership import json_of
 from cortet.formats.tables import Column
 
-VERSION: int = 1
-
 #: reason of a job that Ctrl-C stopped, which has not failed
 STOPPED = "stopped by you"
 #: columns of `cohort_status.tsv`
@@ -52,12 +50,9 @@ def began(log: Path, rule: str, wildcards: Mapping[str, str]) -> None:
 
 def write_failure(log: Path, rule: str, wildcards: Mapping[str, str], error: BaseException) -> None:
     """Write `failure.json`: the stage, what happened, in which file, and the remedy."""
-    if isinstance(error, CortetError):
-        where = None if error.file is None else str(error.file)
-        story = {"what": error.what, "where": where, "remedy": error.remedy, "reason": str(error)}
-    else:
-        what = f"{type(error).__name__}: {error}"
-        story = {"what": what, "where": None, "remedy": None, "reason": what}
+    told = error if isinstance(error, CortetError) else CortetError(f"{type(error).__name__}: {error}")
+    where = None if told.file is None else str(told.file)
+    story = {"what": told.what, "where": where, "remedy": told.remedy, "reason": str(told)}
     write_json({"stage": rule, "wildcards": dict(wildcards), **story}, failure_path(log))
 
 
@@ -100,31 +95,30 @@ def _place_of_stop(lines: Sequence[str]) -> str:
     return ""
 
 
+def certificate_of(path: str | Path) -> dict[str, Any]:
+    """Content of a certificate; empty if the file is missing, damaged, or of a version without `schema`."""
+    content = json_of(Path(path))
+    return content if "schema" in content else {}
+
+
 def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Rows of the table, one per mesh; a row lacks the columns that do not apply to it.
 
     Parameters
     ----------
-    meshes : one mapping per mesh, with the columns of the table that are known: `case`; `cell_size_mm` and `mesher`
-        unless the case is excluded; `stage`, `state`, `reason` and `log` if it failed or is excluded. In addition,
-        `certificate` and `earlier`: the paths of its certificate and of the folder of outdated results, if there are
-        any. A mesh that is not certified is `uncertified`, even if a later step failed, too
+    meshes : `Plan.status`. A mesh that is not certified is `uncertified`, even if a later step failed, too
     """
-    rows = []
-    for mesh in meshes:
-        outcome = dict(mesh)
-        earlier = outcome.pop("earlier", None)
-        if certificate := outcome.pop("certificate", None):
-            content = json_of(Path(certificate))
-            if "certified" not in content:
-                reason = "its certificate is damaged: delete it, and run again"
-                outcome |= {"stage": "certify", "state": "unfinished", "reason": reason}
-            elif not content["certified"]:
-                outcome |= {"stage": "certify", "state": "uncertified", "reason": "; ".join(content["reasons"])}
-            elif "state" not in outcome:
-                remarks = "; ".join(content.get("remarks", ()))
-                outcome |= {"stage": "certify", "state": "certified", "reason": remarks}
-        elif earlier:
-            outcome["reason"] += f"; earlier results are in {earlier}"
-        rows.append(outcome)
-    return rows
+    return [_row(mesh) for mesh in meshes]
+
+
+def _row(mesh: Mapping[str, Any]) -> dict[str, Any]:
+    row = {column: value for column, value in mesh.items() if column not in ("certificate", "earlier")}
+    if "certificate" in mesh:
+        content = certificate_of(mesh["certificate"])
+        if not content["certified"]:
+            row |= {"stage": "certify", "state": "uncertified", "reason": "; ".join(content["reasons"])}
+        elif "state" not in row:
+            row |= {"stage": "certify", "state": "certified", "reason": "; ".join(content.get("remarks", ()))}
+    elif "earlier" in mesh:
+        row["reason"] += f"; earlier results are in {mesh['earlier']}"
+    return row

@@ -1,4 +1,7 @@
-"""The user's files of a run: what they hold decides whether a job runs again, not their names or times."""
+"""The user's files of a run, of which the content decides whether a job runs again, not the name or the time.
+
+Jobs that read these files load nothing else of the cohort.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,27 @@ from typing import Any
 
 from cortet.errors import InputError, StageError
 from cortet.formats.hashing import companions, input_sha256
+from cortet.formats.untrusted import ELSEWHERE, content_is_elsewhere
+
+
+def missing_surface(source: object, *, column: str) -> InputError:
+    """The error for a surface of the sheet that is missing."""
+    if content_is_elsewhere(str(source)):
+        return InputError(ELSEWHERE, file=source, remedy=f"datalad get {source}")
+    return InputError("no such file", file=source, remedy=f"mend the column {column} of the cohort sheet")
+
+
+def require_hemisphere(path: str | Path, hemi: str | None) -> None:
+    """Raise InputError if the file of a surface or sphere states another hemisphere than its row."""
+    from cortet.formats.gifti import hemisphere_of  # loads what a plan does without
+
+    named = hemisphere_of(path)
+    if hemi and named and named != hemi:
+        raise InputError(
+            f"is of hemisphere {named}, as its AnatomicalStructurePrimary says, but its row says {hemi}",
+            file=path,
+            remedy="mend the column hemi of the cohort sheet, or name the file of the other hemisphere",
+        )
 
 
 def content(paths: Mapping[str, str | Path]) -> dict[str, str | None]:

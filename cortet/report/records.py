@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from cortet.cohort.status import certificate_of
 from cortet.errors import InputError
 from cortet.measure.checks import beside_limit, in_words
 from cortet.measure.counts import COUNTED_LIMITS
@@ -34,14 +35,9 @@ ELEMENTS = {
 
 
 def read_certificate(path: str | Path) -> dict[str, Any]:
-    """Content of a certificate.
-
-    Raises
-    ------
-    InputError : the file holds no checks or no `schema`, which those of the first versions lack
-    """
-    content = read_record(path)
-    if not content.get("checks") or "schema" not in content:
+    """Content of a certificate; InputError if it is damaged, or has no `schema` as those of the first versions."""
+    content = certificate_of(path)
+    if not content:
         what = "is not a certificate of this version of cortet"
         raise InputError(what, file=path, remedy="delete it, and run the cohort again")
     return content

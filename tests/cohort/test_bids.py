@@ -99,7 +99,7 @@ def test_the_last_line_of_a_run_counts_what_the_table_of_states_says(tmp_path):
     page.touch()
     certificate = Path(next(iter(plan.each_case(plan.layout.certificate).values())))
     certificate.parent.mkdir(parents=True)
-    certificate.write_text('{"certified": true}')
+    certificate.write_text('{"schema": 1, "certified": true}')
     assert outcome(plan, tmp_path, page=True).startswith(f"1 case: 1 certified; open {page}; meshes: ")
     assert "index.html" not in outcome(plan, tmp_path, page=False)
     failed = {"stage": "repair", "state": "failed", "reason": "truncated"}

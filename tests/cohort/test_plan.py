@@ -12,7 +12,8 @@ from typing import Any
 
 import pytest
 
-from cortet.cohort.plan import Mesh, Plan
+from cortet.cohort.jobs import Mesh, existing_of
+from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import PHANTOM, Case
 from cortet.config import load
 from cortet.folding.plan import Folds
@@ -112,9 +113,8 @@ def test_a_missing_file_is_no_input_and_a_phantom_is_made(tmp_path):
     (tmp_path / "there.surf.gii").write_text("surface")
     asked = plan(there, PAIR, MADE)
     assert asked.surface(job(there)) == str(tmp_path / "there.surf.gii")
-    assert asked.existing_fields(job(there)) == [] and asked.field_paths(job(there)) == {
-        "t": str(tmp_path / "none.gii")
-    }
+    assert existing_of(asked.field_paths)(job(there)) == []
+    assert asked.field_paths(job(there)) == {"t": str(tmp_path / "none.gii")}
     assert asked.surface(job(PAIR)) == [] == asked.inner_source(job(PAIR, inner="white"))
     assert asked.surface(job(MADE)) == "out/{folder}/anat/{case}_desc-phantom_white.surf.gii"
     assert asked.input_sha256(job(there)) == {"surface": sha256(tmp_path / "there.surf.gii")}
@@ -129,7 +129,7 @@ def test_what_failed_before_its_certificate_is_not_measured():
     failure = {"state": "failed", "reason": "a hole", "log": "x.log"}
     asked = plan(failures={early: {"stage": "gate", **failure}, late: {"stage": "export", **failure}})
     assert [path for path in asked.measured_certificates() if "sub-good" in path] == []
-    assert len(asked.measured_certificates()) == 2 and len(asked.exported_files()) == 1
+    assert len(asked.measured_certificates()) == 2 and len(asked.exported_files()) == 2
     assert asked.unmeasured() == {"sub-good_hemi-L": "a hole"}
     states = {row["case"]: (row.get("state"), "certificate" in row) for row in asked.status()}
     assert states == {

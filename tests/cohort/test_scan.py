@@ -10,7 +10,7 @@ import pytest
 
 from cortet.cohort.scan import scan
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
-from cortet.cohort.surface_files import missing_surface
+from cortet.cohort.user_files import missing_surface
 from cortet.config import Scan
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface

@@ -87,6 +87,6 @@ def test_a_phantom_comes_with_its_sphere(tmp_path):
     study = Study(tmp_path)
     study.config |= {"phantom": {"subdivisions": 4}, "resample": {"subdivisions": 3}}
     study.write_cases([replace(study.case("p"), surface=PHANTOM, sphere=PHANTOM)])
-    assert {("phantom_sphere", "sub-p"), ("resample", "sub-p")} <= study.planned_jobs()
+    assert {("phantom", "sub-p"), ("resample", "sub-p")} <= study.planned_jobs()
     study.run("derivatives/cortet/sub-p/anat/sub-p_hemi-L_desc-gated_white.surf.gii")
     assert len(read_surface(study.files("*desc-gated_white.surf.gii")[0]).points) == 642
