@@ -38,7 +38,7 @@ ERRORS = ("InputError", "DamagedFileError", "StageError", "WorkflowError")
 SPEAKERS = {
     "cohort.ages": ("ages_at_scan", "_remark", "_of_one_age"),
     "cohort.scan": ("scan",),
-    "cohort.sheet": ("_label_problems", "_age_problems", "_region_problems", "_value_problems", "read_sheet"),
+    "cohort.sheet": ("_row_problems", "_name_problems", "_value_problems", "_phantom_problems", "read_sheet"),
     "cohort.selection": ("ageless_notice",),
     "config.files": ("_complaint",),
     "config.section": ("_whole_micrometres",),

@@ -39,9 +39,6 @@ LEVELS = {"participant": "participants", "group": "cohort"}
 #: folder of Snakemake's own files, below the output folder
 _WORK = "work"
 _PACKAGE = Path(__file__).parents[1]
-#: Snakemake says so before it asks any logger
-_PROFILE = "for setting default command line arguments"
-
 
 #: what `write_workflow` writes
 _SNAKEFILE = '''"""The workflow of cortet. `snakemake --cores 2` makes everything that config.yaml asks for."""
@@ -82,23 +79,23 @@ class Selection:
 
     def of(self, cases: Sequence[Case], dataset: Path) -> list[Case]:
         """The cases that are selected."""
-        participants = {name.removeprefix("sub-") for name in self.participants}
-        sessions = {name.removeprefix("ses-") for name in self.sessions}
-        _require("participant", participants, {case.participant for case in cases}, dataset)
-        _require("session", sessions, {case.session for case in cases if case.session}, dataset)
-        found = [
-            case
-            for case in cases
-            if (not participants or case.participant in participants)
-            and (not sessions or case.session in sessions)
-            and (self.hemi is None or case.hemi == self.hemi)
-        ]
+        asked: dict[str, set[str | None]] = {
+            "participant": {name.removeprefix("sub-") for name in self.participants},
+            "session": {name.removeprefix("ses-") for name in self.sessions},
+            "hemi": {self.hemi} - {None},
+        }
+        for what in ("participant", "session"):
+            there = sorted({getattr(case, what) for case in cases} - {None})
+            if unknown := sorted(asked[what] - {*there}):
+                raise InputError(
+                    f"no surfaces of {what} {', '.join(unknown)}",
+                    file=dataset,
+                    remedy=f"there are those of {', '.join(there) or 'none'}",
+                )
+        found = [case for case in cases if all(not of or getattr(case, what) in of for what, of in asked.items())]
         if not found:
-            raise InputError(
-                "no surface is selected",
-                file=dataset,
-                remedy="select by fewer of --participant-label, --session-label and --hemi",
-            )
+            remedy = "select by fewer of --participant-label, --session-label and --hemi"
+            raise InputError("no surface is selected", file=dataset, remedy=remedy)
         return found
 
 
@@ -222,8 +219,6 @@ def snakemake(
 ) -> int:
     """Run the workflow in its working folder and return Snakemake's exit code. This process holds the lock.
 
-    Raises InputError if Snakemake cannot start jobs by the Python of this process.
-
     Parameters
     ----------
     targets : rules or files
@@ -233,41 +228,27 @@ def snakemake(
     from cortet.geometry.kernel_cache import cache_folder  # takes long to load
 
     folder = workflow()
-    require_plain_python()
     cache_folder()  # where there is none, this process says so, and its jobs know the temporary one
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(folder / "Snakefile"), "--cores", str(cores)]
     # the output folder has a lock of its own, which ends with a killed run
-    command += ["--directory", str(work), *(["--verbose"] if verbose else []), "--nolock"]
+    command += ["--directory", str(work), "--nolock"]
+    command += ["--verbose"] if verbose else []
+    command += ["--dry-run"] if dry_run else []
     if profile:
         own = folder / "profiles" / profile
         command += ["--profile", str(own if own.is_dir() else profile)]
-    if dry_run:
-        command.append("--dry-run")
-    command += targets
     # Snakemake looks for its plugins on the path, and ours lies beside the package
     path = os.pathsep.join([str(_PACKAGE.parent), *filter(None, [os.environ.get("PYTHONPATH")])])
     with subprocess.Popen(
-        command,
+        [*command, *targets],
         preexec_fn=child.end_with_parent,  # noqa: PLW1509, before any thread
         env=os.environ | {"PYTHONPATH": path},
-        stderr=subprocess.PIPE,
-        text=True,
-        errors="replace",  # a path may be in another encoding
     ) as run:
         try:
-            _pass_on(run, verbose)
+            return run.wait()
         except KeyboardInterrupt:  # Snakemake had it, too, and leaves tables and pages of what is there
-            _pass_on(run, verbose)
             run.wait()
             raise
-    return run.returncode
-
-
-def _pass_on(run: subprocess.Popen[str], verbose: bool) -> None:
-    """Say what Snakemake says on its standard error, until it ends."""
-    for line in run.stderr or ():
-        if verbose or _PROFILE not in line:
-            sys.stderr.write(line)
 
 
 def require_plain_python(python: str = sys.executable) -> None:
@@ -305,13 +286,7 @@ def outcome(plan: Plan, output: Path, *, page: bool, names: Collection[str] | No
 
 
 def states_of(plan: Plan, names: Collection[str] | None = None) -> dict[str, str]:
-    """The state of each case; that of the worst of its meshes.
-
-    Parameters
-    ----------
-    plan : with its failures
-    names : of the cases that are asked for; None: all
-    """
+    """The state of each case, that of the worst of its meshes; parameters as of `outcome`."""
     worst = list(_IN_WORDS)
     states: dict[str, str] = {}
     for row in status_rows(plan.status()):
@@ -324,11 +299,3 @@ def states_of(plan: Plan, names: Collection[str] | None = None) -> dict[str, str
 def work_folder(output: Path) -> Path:
     """The default folder of a run's sheet, its configuration and Snakemake's own files."""
     return output / _WORK
-
-
-def _require(what: str, labels: set[str], known: set[str], dataset: Path) -> None:
-    if unknown := sorted(labels - known):
-        there = ", ".join(sorted(known)) or "none"
-        raise InputError(
-            f"no surfaces of {what} {', '.join(unknown)}", file=dataset, remedy=f"there are those of {there}"
-        )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from urllib.parse import quote
 from cortet.cohort.lock import NAME as LOCK
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path, write_json
+from cortet.formats.ownership import json_of
 from cortet.formats.tsv import write_tsv
 from cortet.version import __version__
 
@@ -154,27 +154,27 @@ def require_own_output(output: Path, dataset: Path | None) -> None:
     if {"{", "}"} & set(str(output.absolute())):
         raise InputError("has braces in its name, which are wildcards to Snakemake", file=output, remedy=remedy)
     if dataset is not None and dataset.resolve().is_relative_to(output.resolve()):
-        what = "is the dataset" if dataset.resolve() == output.resolve() else "contains the dataset"
-        raise InputError(f"{what} that cortet reads, so it does not write there", file=output, remedy=remedy)
-    if (output / DESCRIPTION).exists() and not is_own_output(output):
-        raise InputError(
-            "was not written by cortet: the folder is another dataset", file=output / DESCRIPTION, remedy=remedy
-        )
-    if output.is_dir() and not os.access(output, os.R_OK | os.W_OK | os.X_OK):
+        what = "is or contains the dataset that cortet reads, so it does not write there"
+        raise InputError(what, file=output, remedy=remedy)
+    if not output.is_dir():
+        return
+    if not os.access(output, os.R_OK | os.W_OK | os.X_OK):
         what = "is not readable and writable: no permission, or a read-only file system"
         raise InputError(what, file=output, remedy="correct its permissions, or name another folder")
-    # a run that was killed has left its lock
-    begun = any((output / name).exists() for name in (DESCRIPTION, LOCK))
-    if not begun and output.is_dir() and any(output.iterdir()):
+    if (output / DESCRIPTION).exists():
+        if not is_own_output(output):
+            what = "was not written by cortet: the folder is another dataset"
+            raise InputError(what, file=output / DESCRIPTION, remedy=remedy)
+    elif any(output.iterdir()) and not (output / LOCK).exists():  # a run that was killed has left its lock
         raise InputError("holds files that cortet did not make", file=output, remedy=remedy)
 
 
 def is_own_output(output: Path) -> bool:
     """Whether a folder has a description that says that cortet generated it."""
     try:
-        generated = json.loads((output / DESCRIPTION).read_text(encoding="utf-8"))["GeneratedBy"]
+        generated = json_of(output / DESCRIPTION)["GeneratedBy"]
         return any(one["Name"] == "cortet" for one in generated)
-    except (OSError, ValueError, LookupError, TypeError):
+    except (LookupError, TypeError):
         return False
 
 
@@ -185,10 +185,7 @@ def _absolute(file: str | Path) -> Path:
 
 def _citable(root: Path) -> dict[str, str]:
     """DOI of a dataset, if its description has one."""
-    try:
-        doi = json.loads((root / DESCRIPTION).read_text(encoding="utf-8")).get("DatasetDOI")
-    except (OSError, ValueError, AttributeError):
-        return {}
+    doi = json_of(root / DESCRIPTION).get("DatasetDOI")
     return {"DOI": doi} if isinstance(doi, str) and doi else {}
 
 

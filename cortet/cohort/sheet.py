@@ -38,9 +38,10 @@ VOLUME_PREFIX = "volume_"
 INNER, INNER_PREFIX, WHITE = "inner", "inner_", "white"
 #: column of the sphere through which a surface is resampled
 SPHERE = "sphere"
-#: columns for coordinates that are not mm (`gate.unit`, `gate.affine`), and of their own
-#: cell size
+#: columns for coordinates that are not mm (`gate.unit`, `gate.affine`), and for a cell size of its own
 UNIT, AFFINE, CELL_SIZE = "unit", "affine", "cell_size"
+#: columns that name one file
+_FILES = ("surface", INNER, SPHERE, AFFINE)
 #: most characters of a label: a file name holds two labels and more, and has at most 255 characters
 LONGEST_LABEL = 40
 
@@ -126,22 +127,20 @@ def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> l
         raise InputError("no such sheet", file=path, remedy=f"make it: cortet cohort scan DATASET -o {path}")
     table, miscounted = read_uneven_tsv(path)
     _check_header(list(table.columns), path)
-    found: list[str] = []
+    found: list[str] = [] if len(table) else ["no rows below the header (add one row per hemisphere)"]
     lines: dict[str, int] = {}
     cases: list[Case] = []
     for line, row in zip(table.index, table.to_dict("records"), strict=True):
         wrong = [miscounted[line]] if line in miscounted else list(_row_problems(row))
         if not wrong:
-            case = _case(row, path.parent, field_patterns or {})
-            cases.append(case)
-            if (other := lines.setdefault(case.name.lower(), line)) != line:
+            cases.append(_case(row, path.parent, field_patterns or {}))
+            name = cases[-1].name
+            if (other := lines.setdefault(name.lower(), line)) != line:
                 wrong.append(
-                    f"columns participant_id, session_id, hemi: {case.name} is already in line {other} "
+                    f"columns participant_id, session_id, hemi: {name} is already in line {other} "
                     "(give every hemisphere one row, and a label that differs in more than case)"
                 )
         found += [f"line {line}, {problem}" for problem in wrong]
-    if table.empty:
-        found.append("no rows below the header (add one row per hemisphere)")
     if found:
         raise refusal(found, path)
     return cases
@@ -155,19 +154,14 @@ def read_header(path: Path) -> list[str]:
 
 
 def _check_header(header: Sequence[str], path: Path) -> None:
-    absent = [name for name in COLUMNS if name not in header]
-    if absent or len(set(header)) < len(header):
-        raise InputError(
-            f"line 1: no column {', '.join(absent)}" if absent else "line 1: two columns have the same name",
-            file=path,
-            remedy="the first line must name, separated by tabs: " + ", ".join(COLUMNS),
-        )
-    if INNER in header and INNER_PREFIX + WHITE in header:
-        raise InputError(
-            f"line 1: columns {INNER} and {INNER_PREFIX}{WHITE} name the same region",
-            file=path,
-            remedy="keep one of the two",
-        )
+    remedy = "the first line must name, separated by tabs: " + ", ".join(COLUMNS)
+    if absent := [name for name in COLUMNS if name not in header]:
+        raise InputError(f"line 1: no column {', '.join(absent)}", file=path, remedy=remedy)
+    if len(set(header)) < len(header):
+        raise InputError("line 1: two columns have the same name", file=path, remedy=remedy)
+    if {INNER, INNER_PREFIX + WHITE} <= {*header}:
+        what = f"line 1: columns {INNER} and {INNER_PREFIX}{WHITE} name the same region"
+        raise InputError(what, file=path, remedy="keep one of the two")
 
 
 def write_sheet(cases: Sequence[Case], path: Path) -> None:
@@ -176,12 +170,8 @@ def write_sheet(cases: Sequence[Case], path: Path) -> None:
     A file below the parent of the sheet's folder gets a name relative to that folder.
     """
     rows = [_row(case, path.parent) for case in cases]
-    fields = (FIELD_PREFIX + name for case in cases for name in case.fields)
-    inner = (_inner_column(name) for case in cases for name in case.inner)
-    volumes = (VOLUME_PREFIX + name for case in cases for name in case.volumes)
-    extra = (name for case in cases for name in case.extra)
-    own = (name for name in (SPHERE, UNIT, AFFINE, CELL_SIZE) if any(name in row for row in rows))
-    write_tsv(rows, list(dict.fromkeys([*COLUMNS, *inner, *own, *fields, *volumes, *extra])), path)
+    further = (column for row in rows for column in row)
+    write_tsv(rows, list(dict.fromkeys([*COLUMNS, *further])), path)
 
 
 def add_to_sheet(cases: Sequence[Case], path: Path) -> list[Case]:
@@ -201,100 +191,71 @@ def add_to_sheet(cases: Sequence[Case], path: Path) -> list[Case]:
 
 def _row(case: Case, folder: Path) -> dict[str, str | float | None]:
     """The row of a case in a sheet in `folder`; None for a missing value."""
+    files = {
+        "surface": case.surface,
+        **{_inner_column(name): file for name, file in case.inner.items()},
+        **({SPHERE: case.sphere} if case.sphere else {}),
+        **({AFFINE: case.affine} if case.affine else {}),
+        **{FIELD_PREFIX + name: file for name, file in case.fields.items()},
+        **{VOLUME_PREFIX + name: file for name, file in case.volumes.items()},
+    }
     return {
         "participant_id": f"sub-{case.participant}",
         "session_id": f"ses-{case.session}" if case.session is not None else None,
         "hemi": case.hemi,
         "scan_age": case.scan_age,
-        "surface": _relative(case.surface, folder),
         "include": "yes" if case.include else "no",
         "exclude_reason": case.exclude_reason,
-        **{_inner_column(name): _relative(file, folder) for name, file in case.inner.items()},
-        **({SPHERE: _relative(case.sphere, folder)} if case.sphere else {}),
+        **{column: _relative(file, folder) for column, file in files.items()},
         **({UNIT: case.unit} if case.unit else {}),
-        **({AFFINE: _relative(case.affine, folder)} if case.affine else {}),
         **({CELL_SIZE: case.cell_size} if case.cell_size else {}),
-        **{FIELD_PREFIX + name: _relative(file, folder) for name, file in case.fields.items()},
-        **{VOLUME_PREFIX + name: _relative(file, folder) for name, file in case.volumes.items()},
         **case.extra,
     }
 
 
 def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
     """What is wrong with one row, each as `column NAME: VALUE ... (remedy)`."""
-    yield from _label_problems(row)
-    yield from _age_problems(row)
-    for column, value in row.items():
-        if column == INNER or column.startswith(INNER_PREFIX):
-            yield from _region_problems(column, _region(column), value, row["surface"])
-        yield from _value_problems(column, value, row["surface"])
-
-
-def _label_problems(row: Mapping[str, str]) -> Iterator[str]:
-    """What is wrong with the columns that identify a case, and with those that include or exclude it."""
     for column, prefix in (("participant_id", "sub-"), ("session_id", "ses-")):
         label = row[column].removeprefix(prefix)
-        optional = column == "session_id" and label in MISSING
-        if not optional and not re.fullmatch("[A-Za-z0-9]+", label):
-            yield f"column {column}: {row[column]!r} is not a BIDS label (use letters and digits only)"
-        if len(label) > LONGEST_LABEL:
-            yield f"column {column}: {len(label)} characters are too many (use at most {LONGEST_LABEL})"
+        if column == "participant_id" or label not in MISSING:
+            yield from _name_problems(column, label, "BIDS label", "[A-Za-z0-9]+")
     if row["hemi"].lower() not in HEMISPHERES and row["hemi"] not in MISSING:
         yield f"column hemi: {row['hemi']!r} is not a hemisphere (use L, R, or n/a for a whole brain)"
-    if row["surface"] == PHANTOM and row["hemi"] in MISSING:
-        yield f"column hemi: {row['hemi']!r}, but a {PHANTOM} is one hemisphere (use L or R)"
     if row["include"].lower() not in YES | NO:
         yield f"column include: {row['include']!r} is neither yes nor no (use yes or no)"
     if row["include"].lower() in NO and row["exclude_reason"] in MISSING:
         yield f"column exclude_reason: {row['exclude_reason']!r} does not say why the row is excluded (give a reason)"
-
-
-def _age_problems(row: Mapping[str, str]) -> Iterator[str]:
-    """What is wrong with the age, which only a phantom needs."""
+    if row["surface"] in MISSING:
+        yield f"column surface: {row['surface']!r} names no file (give a GIfTI surface, or {PHANTOM})"
     youngest, oldest = SCAN_AGES
-    if row["scan_age"] in MISSING:
-        if row["surface"] == PHANTOM:
-            yield (
-                f"column scan_age: {row['scan_age']!r}, but a {PHANTOM} is made for an age "
-                f"(use a number from {youngest:g} to {oldest:g}, gestational weeks)"
-            )
-    elif not youngest <= (number(row["scan_age"]) or math.nan) <= oldest:
+    if row["scan_age"] not in MISSING and not youngest <= (number(row["scan_age"]) or math.nan) <= oldest:
         yield (
             f"column scan_age: {row['scan_age']!r} is not an age in gestational weeks "
             f"(use a number from {youngest:g} to {oldest:g}, or n/a where the age is not known: "
             "the surface is then not smoothed by age)"
         )
+    for column, value in row.items():
+        yield from _value_problems(column, value)
+        yield from _phantom_problems(column, value, row["surface"])
 
 
-def _region_problems(column: str, region: str, value: str, surface: str) -> Iterator[str]:
-    """What is wrong with a column of an inner surface: its region and, against the column `surface`, its value."""
-    if not re.fullmatch(NAME, region):
-        yield f"column {column}: {region!r} is not the name of a region (use letters and digits only)"
-    if len(region) > LONGEST_LABEL:
-        yield f"column {column}: {len(region)} characters are too many (use at most {LONGEST_LABEL})"
-    if value in MISSING:
-        return
-    if region in _STANDING:
+def _name_problems(column: str, name: str, what: str, pattern: str = NAME) -> Iterator[str]:
+    """What is wrong with a label, or with the name of a region or a volume."""
+    if not re.fullmatch(pattern, name):
+        yield f"column {column}: {name!r} is not a {what} (use letters and digits only)"
+    if len(name) > LONGEST_LABEL:
+        yield f"column {column}: {len(name)} characters are too many (use at most {LONGEST_LABEL})"
+
+
+def _value_problems(column: str, value: str) -> Iterator[str]:
+    """What is wrong with a column, or with its value, whatever the other columns hold."""
+    region = _region(column)
+    if region is not None:
+        yield from _name_problems(column, region, "name of a region")
+    if column.startswith(VOLUME_PREFIX):
+        yield from _name_problems(column, column.removeprefix(VOLUME_PREFIX), "name of a volume")
+    if region in _STANDING and value not in MISSING:
         yield f"column {column}: {region!r} stands for another part of every mesh (use another name)"
-    if PHANTOM in (value, surface) and (column != INNER or value != surface):
-        yield (
-            f"column {column}: {value!r}, but a {PHANTOM} and nothing else has an inner surface {PHANTOM} "
-            f"(use {PHANTOM} in both columns, surface and {INNER}, or n/a here)"
-        )
-
-
-def _value_problems(column: str, value: str, surface: str) -> Iterator[str]:
-    """What is wrong with the value of a column, whatever the column is."""
-    if column == "surface" and value in MISSING:
-        yield f"column surface: {value!r} names no file (give a GIfTI surface, or {PHANTOM})"
-    name = column.removeprefix(VOLUME_PREFIX)
-    if column != name and not re.fullmatch(NAME, name):
-        yield f"column {column}: {name!r} is not the name of a volume (use letters and digits only)"
-    if column == SPHERE and (value == PHANTOM) != (surface == PHANTOM) and value not in MISSING:
-        yield (
-            f"column {column}: {value!r}, but a {PHANTOM} and nothing else has the sphere {PHANTOM} "
-            f"(use {PHANTOM} in both columns, surface and {column}, or n/a here)"
-        )
     if column == UNIT and value not in (*UNITS, *MISSING):
         yield f"column {column}: {value!r} is not a unit (use {', '.join(UNITS)})"
     if column == CELL_SIZE and value not in MISSING and not _is_cell_size(number(value)):
@@ -312,15 +273,29 @@ def _value_problems(column: str, value: str, surface: str) -> Iterator[str]:
         yield f"column {column}: {value!r} holds a control character (delete it)"
 
 
+def _phantom_problems(column: str, value: str, surface: str) -> Iterator[str]:
+    """What a phantom lacks, or has that only a file can have, and the reverse."""
+    if surface == PHANTOM and column in ("hemi", "scan_age") and value in MISSING:
+        use = "L or R" if column == "hemi" else "a number, gestational weeks"
+        yield f"column {column}: {value!r}, but a {PHANTOM} has a hemisphere and an age (use {use})"
+    both = column in (INNER, SPHERE) and value == surface
+    if (column == SPHERE or _region(column)) and PHANTOM in (value, surface) and value not in MISSING and not both:
+        yield (
+            f"column {column}: {value!r}, but {PHANTOM} is the {INNER} surface and the {SPHERE} of a {PHANTOM} alone "
+            f"(use {PHANTOM} in both columns, surface and {column}, or n/a here)"
+        )
+
+
 def _names_files(column: str) -> bool:
     """Whether the values of a column are names of files."""
-    prefixed = column.startswith((INNER_PREFIX, FIELD_PREFIX, VOLUME_PREFIX))
-    return prefixed or column in ("surface", INNER, SPHERE, AFFINE)
+    return column in _FILES or column.startswith((INNER_PREFIX, FIELD_PREFIX, VOLUME_PREFIX))
 
 
-def _region(column: str) -> str:
-    """The region whose surface a column names; empty for other columns."""
-    return WHITE if column == INNER else column.removeprefix(INNER_PREFIX) if column.startswith(INNER_PREFIX) else ""
+def _region(column: str) -> str | None:
+    """The region whose surface a column names; None for other columns."""
+    if column == INNER:
+        return WHITE
+    return column.removeprefix(INNER_PREFIX) if column.startswith(INNER_PREFIX) else None
 
 
 def _inner_column(region: str) -> str:
@@ -344,63 +319,61 @@ def _is_file_name(text: str) -> bool:
 
 def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str]) -> Case:
     """The case of a valid row."""
-    own = {column: value for column, value in row.items() if column.startswith(FIELD_PREFIX)}
-    inner = {column: value for column, value in row.items() if _region(column)}
-    volumes = {
-        name.removeprefix(VOLUME_PREFIX): str(_located(value, folder))
-        for name, value in row.items()
-        if name.startswith(VOLUME_PREFIX) and value not in MISSING
-    }
-    known = {*COLUMNS, *own, *inner, SPHERE, UNIT, AFFINE, CELL_SIZE}
-    fields = {name: filled_in(pattern, row) for name, pattern in field_patterns.items()}
-    fields |= {column.removeprefix(FIELD_PREFIX): value for column, value in own.items()}
-    session, hemi = row["session_id"].removeprefix("ses-"), row["hemi"]
+    given = {column: value for column, value in row.items() if value not in MISSING}
+
+    def located(prefix: str, values: Mapping[str, str]) -> dict[str, Any]:
+        """The files of the columns that begin with a prefix, by the rest of their names."""
+        own = {column: value for column, value in values.items() if column.startswith(prefix)}
+        return {column.removeprefix(prefix): _located(value, folder) for column, value in own.items()}
+
+    patterns = {FIELD_PREFIX + name: filled_in(pattern, row) for name, pattern in field_patterns.items()}
+    fields = {name: value for name, value in {**patterns, **row}.items() if value not in MISSING}
+    inner = {region: _located(value, folder) for name, value in given.items() if (region := _region(name))}
+    alone = {name: _located(given[name], folder) for name in _FILES if name in given}
     include = row["include"].lower() in YES
     return Case(
         participant=row["participant_id"].removeprefix("sub-"),
-        session=None if session in MISSING else session,
-        hemi=None if hemi in MISSING else HEMISPHERES[hemi.lower()],
+        session=None if row["session_id"].removeprefix("ses-") in MISSING else row["session_id"].removeprefix("ses-"),
+        hemi=HEMISPHERES[given["hemi"].lower()] if "hemi" in given else None,
         scan_age=number(row["scan_age"]),
-        surface=PHANTOM if row["surface"] == PHANTOM else _located(row["surface"], folder),
+        surface=alone["surface"],
         include=include,
         exclude_reason="" if include else row["exclude_reason"],
-        fields={name: _located(value, folder) for name, value in fields.items() if value not in MISSING},
-        volumes=volumes,
-        inner={
-            _region(name): PHANTOM if value == PHANTOM else _located(value, folder)
-            for name, value in inner.items()
-            if value not in MISSING
-        },
-        sphere=_sphere(row.get(SPHERE, ""), folder),
-        unit=None if row.get(UNIT, "") in MISSING else row[UNIT],
-        affine=None if row.get(AFFINE, "") in MISSING else _located(row[AFFINE], folder),
+        fields=located(FIELD_PREFIX, fields),
+        volumes={name: str(file) for name, file in located(VOLUME_PREFIX, given).items()},
+        inner=inner,
+        sphere=alone.get(SPHERE),
+        unit=given.get(UNIT),
+        affine=Path(alone[AFFINE]) if AFFINE in alone else None,
         cell_size=number(row.get(CELL_SIZE, "n/a")),
-        extra={name: value for name, value in row.items() if name not in known and not name.startswith(VOLUME_PREFIX)},
+        extra={name: value for name, value in row.items() if not _is_known(name)},
     )
 
 
-def _sphere(value: str, folder: Path) -> Path | str | None:
-    return None if value in MISSING else PHANTOM if value == PHANTOM else _located(value, folder)
+def _is_known(column: str) -> bool:
+    """Whether a column has a meaning here; others are carried through."""
+    return column in (*COLUMNS, UNIT, CELL_SIZE) or _names_files(column)
 
 
 def filled_in(pattern: str, values: Mapping[str, Any]) -> str:
     """A pattern with its placeholders `{name}` filled in; nothing else in it has a meaning."""
-    unknown = [name for name in re.findall(r"\{([^{}]*)\}", pattern) if name not in values]
-    filled = re.sub(r"\{([^{}]*)\}", lambda match: str(values.get(match[1])), pattern)
-    if unknown or not _is_file_name(filled):
-        raise InputError(
-            f"{pattern!r} cannot be filled in: "
-            + (f"no {unknown[0]!r}" if unknown else f"{filled!r} is not a file name"),
-            remedy=f"placeholders here are {', '.join(f'{{{name}}}' for name in values)}",
-        )
+    remedy = f"placeholders here are {', '.join(f'{{{name}}}' for name in values)}"
+    for name in re.findall(r"\{([^{}]*)\}", pattern):
+        if name not in values:
+            raise InputError(f"{pattern!r} cannot be filled in: no {name!r}", remedy=remedy)
+    filled = re.sub(r"\{([^{}]*)\}", lambda match: str(values[match[1]]), pattern)
+    if not _is_file_name(filled):
+        raise InputError(f"{pattern!r} cannot be filled in: {filled!r} is not a file name", remedy=remedy)
     return filled
 
 
-def _located(name: str, folder: Path) -> Path:
-    """A file named in a sheet, from the folder of the sheet; `a/../b` becomes `b`.
+def _located(name: str, folder: Path) -> Path | str:
+    """A file named in a sheet, from the folder of the sheet, or `PHANTOM`; `a/../b` becomes `b`.
 
     A file below the working folder has one spelling, relative to it, since Snakemake runs jobs again for another one.
     """
+    if name == PHANTOM:
+        return PHANTOM
     path = Path(os.path.normpath(folder / name))
     whole, here = Path(os.path.normpath(path.absolute())), Path.cwd()
     return whole.relative_to(here) if whole.is_relative_to(here) else path
