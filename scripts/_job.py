@@ -36,6 +36,7 @@ sys.path.insert(0, str(_folder if (_folder / "cortet").is_dir() else _folder.par
 from cortet.cohort.status import began, failure_path, write_failure
 from cortet.errors import CortetError
 from cortet.formats import child
+from cortet.formats.ownership import delete_abandoned
 
 logger = logging.getLogger("cortet")
 
@@ -101,7 +102,8 @@ def start(snakemake: Any) -> Job:
         # with the stack in the log, even inside a library that never returns
         faulthandler.dump_traceback_later(seconds, exit=True)
     faulthandler.register(signal.SIGTERM, file=2, chain=True)
-    _delete_leftovers(snakemake.output)
+    for output in map(Path, snakemake.output):  # what an attempt that was killed has left
+        delete_abandoned(output.parent, glob.escape(output.name))
     return Job(snakemake.input, snakemake.output, snakemake.params, snakemake.wildcards)
 
 
@@ -137,15 +139,7 @@ def _log_failure(
         return
     with contextlib.suppress(OSError):  # the disk may be full
         write_failure(log, snakemake.rule, dict(snakemake.wildcards), error)
-    if isinstance(error, CortetError):
-        logger.error("%s", error)
-    else:
+    if not isinstance(error, CortetError):
         traceback.print_exception(kind, error, trace)
-        logger.error("%s: %s", kind.__name__, error)
-
-
-def _delete_leftovers(outputs: Any) -> None:
-    """Delete the temporary files of an attempt that was killed (`cortet.formats.atomic` names them)."""
-    for output in map(Path, outputs):
-        for leftover in output.parent.glob(f".*-*.{glob.escape(output.name)}"):
-            shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
+        error = CortetError(f"{kind.__name__}: {error}")
+    logger.error("%s", error)

@@ -79,13 +79,13 @@ class Selection:
 
     def of(self, cases: Sequence[Case], dataset: Path) -> list[Case]:
         """The cases that are selected."""
-        asked: dict[str, set[str | None]] = {
+        asked: dict[str, set[str]] = {
             "participant": {name.removeprefix("sub-") for name in self.participants},
             "session": {name.removeprefix("ses-") for name in self.sessions},
-            "hemi": {self.hemi} - {None},
+            "hemi": {self.hemi} if self.hemi else set(),
         }
         for what in ("participant", "session"):
-            there = sorted({getattr(case, what) for case in cases} - {None})
+            there = sorted({label for case in cases if (label := getattr(case, what))})
             if unknown := sorted(asked[what] - {*there}):
                 raise InputError(
                     f"no surfaces of {what} {', '.join(unknown)}",

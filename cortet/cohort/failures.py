@@ -17,7 +17,6 @@ from cortet.cohort.layout import EXPORTED
 from cortet.cohort.outdated import certificates_of, earlier_results, first_other_stage
 from cortet.cohort.plan import AFTER_CERTIFICATE, Plan
 from cortet.cohort.selection import folded
-from cortet.cohort.sheet import Case
 from cortet.cohort.status import STOPPED, certificate_of, failure_reason
 from cortet.formats.ownership import json_of
 from cortet.stages import STAGES
@@ -133,23 +132,18 @@ def _counts(plan: Plan, job: Mapping[str, str], certificate: Path, failure: Fail
     if rule not in AFTER_CERTIFICATE and certificate.exists() and failure.time < certificate.stat().st_mtime:
         return False  # the mesh has been made since
     stage = STAGES.get(rule.removesuffix("_inner"))
+    of_variant = wildcards.get("variant", "").lower() in ("", *plan.config.fold.variants)
+    is_folded = of_variant and case in folded(list(plan.cases.values()), plan.config.fold.cases)
     asked = {
         "volumes": bool(case.volumes),
         "export": EXPORTED.get(wildcards.get("suffix", "")) in plan.config.export.formats,
         "ten_nodes": bool(plan.config.export.ten_nodes),
         "case_maps": plan.is_resampled(job),
         "fields": bool(case.fields),
-        **dict.fromkeys(("fold", "fold_figures", "folded_surface"), _is_folded(plan, case, wildcards)),
+        **dict.fromkeys(("fold", "fold_figures", "folded_surface"), is_folded),
     }
     region = wildcards.get("inner")
     return asked.get(rule, True) and (stage is None or stage in plan.line(job)) and (not region or region in case.inner)
-
-
-def _is_folded(plan: Plan, case: Case, wildcards: Mapping[str, str]) -> bool:
-    """Whether a fold of a case, of a variant, is asked for."""
-    variants = ("", *plan.config.fold.variants)
-    asked = folded(list(plan.cases.values()), plan.config.fold.cases)
-    return wildcards.get("variant", "").lower() in variants and case in asked
 
 
 def why_missing(plan: Plan, path: str, rule: str, job: Mapping[str, object]) -> str | None:

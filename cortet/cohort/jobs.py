@@ -284,31 +284,24 @@ class Jobs:
 
     def surface(self, job: Job) -> str | list[str]:
         """The surface of a case as it is given."""
-        case = self.case(job)
-        return self.layout.surface("phantom") if case.is_phantom else existing(case.surface)
+        return _given(self.case(job).surface, self.layout.surface("phantom"))
+
+    def inner_source(self, job: Job) -> str | list[str]:
+        """One inner surface of a case as it is given."""
+        return _given(self.case(job).inner.get(job["inner"]), self.layout.surface("phantom", inner=True))
 
     def sphere(self, job: Job) -> str | list[str]:
         """The sphere of a case that is resampled; empty for other cases, and if the file is missing."""
-        if not self.is_resampled(job):
-            return []
-        sphere = self.case(job).sphere
-        return self.layout.surface("phantom", "sphere.surf.gii") if sphere == PHANTOM else existing(sphere)
+        sphere = self.case(job).sphere if self.is_resampled(job) else None
+        return _given(sphere, self.layout.surface("phantom", "sphere.surf.gii"))
 
     def template(self, job: Job) -> str | list[str]:
         """The common sphere that a case is resampled to; empty if that is the icosphere."""
-        template = self._template(self.case(job)) if self.is_resampled(job) else None
-        return [] if template is None else existing(template)
+        return existing(self._template(self.case(job)) if self.is_resampled(job) else None)
 
     def _template(self, case: Case) -> str | None:
         """The common sphere of a case; if it depends on an unknown hemisphere, the job reports that."""
         return self.config.resample.template_of(case.hemi or _NO_HEMISPHERE)
-
-    def inner_source(self, job: Job) -> str | list[str]:
-        """One inner surface of a case as it is given."""
-        path = self.case(job).inner.get(job["inner"])
-        if path == PHANTOM:
-            return filled(self.layout.surface("phantom", inner=True), job)
-        return existing(path) if path else []
 
     def first_surface(self, job: Job) -> str | list[str]:
         """The first surface of the line, for the region of the job; on the common mesh if the case has a sphere."""
@@ -442,6 +435,11 @@ def without_locations(arguments: Mapping[str, Any]) -> dict[str, Any]:
 def existing(path: str | Path | None) -> str | list[str]:
     """The file if it exists: the job reports a missing file, so that other cases continue."""
     return str(path) if path and os.path.isfile(path) else []  # noqa: PTH113, false of names that are too long
+
+
+def _given(path: str | Path | None, of_phantom: str) -> str | list[str]:
+    """A file that the sheet names: that of the phantom, which is made, or one that exists."""
+    return of_phantom if path == PHANTOM else existing(path)
 
 
 def existing_of(paths: Callable[[Job], Mapping[str, str]]) -> Callable[[Job], list[str]]:

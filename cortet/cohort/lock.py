@@ -27,12 +27,8 @@ def hold(folder: Path) -> IO[str]:
     """Lock a folder until the returned file is closed or the process ends; a missing folder is made.
 
     It is a POSIX record lock. The system releases it however the process ends, so nobody ever removes one by hand; on
-    NFS the server keeps it. The file stays; it says who has the lock. Children do not inherit the lock.
-
-    Raises
-    ------
-    InputError
-        another process has the lock, or the folder cannot be written to
+    NFS the server keeps it. The file stays; it says who has the lock. Children do not inherit the lock. Raises
+    InputError if another process has the lock.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -32,15 +32,11 @@ class Cost:
 
     def memory_mb(self, tets: float) -> float:
         """Peak resident memory, MB, for a number of tetrahedra."""
-        return _line(self.megabytes, tets)
+        return self.megabytes[0] + self.megabytes[1] * tets / 1e6
 
     def cpu_seconds(self, tets: float) -> float:
         """CPU time, s, for a number of tetrahedra."""
-        return _line(self.seconds, tets)
-
-
-def _line(coefficients: tuple[float, float], tets: float) -> float:
-    return coefficients[0] + coefficients[1] * tets / 1e6
+        return self.seconds[0] + self.seconds[1] * tets / 1e6
 
 
 #: rule -> its cost; rules on surfaces do not depend on tetrahedra
@@ -92,14 +88,7 @@ def expected_volume_ml(gestational_age: float | None, *, whole: bool = False) ->
 
 
 def expected_tets(volume_ml: float, cell_size: float, mesher: str) -> float:
-    """Tetrahedra of a mesh.
-
-    Parameters
-    ----------
-    volume_ml : enclosed by the surface, mL
-    cell_size : h, mm
-    mesher : of S1
-    """
+    """Tetrahedra of a mesh by a mesher, from the volume inside its surface, mL, and the cell size, mm."""
     return MESHERS[mesher].tets_per_cube * 1000 * volume_ml / cell_size**3
 
 
@@ -107,22 +96,15 @@ def cost(rule: str, mesher: str | None = None) -> Cost:
     """Cost of a rule; that of S1 depends on the mesher. An inner surface costs as much as an outer one."""
     if rule == "generate" and mesher == "lattice":
         return LATTICE
-    found = COSTS.get(rule) or COSTS.get(rule.removesuffix("_inner"))
-    if found is None:
-        raise InputError(
-            f"the cost of rule `{rule}` is not known", remedy="add it to COSTS in cortet/cohort/resources.py"
-        )
-    return found
+    name = rule if rule in COSTS else rule.removesuffix("_inner")
+    if name not in COSTS:
+        remedy = "add it to COSTS in cortet/cohort/resources.py"
+        raise InputError(f"the cost of rule `{rule}` is not known", remedy=remedy)
+    return COSTS[name]
 
 
 def memory_to_ask_mb(measured: float, attempt: int = 1) -> int:
-    """Memory that a job asks for, MB; each attempt doubles it.
-
-    Parameters
-    ----------
-    measured : peak resident memory of its script, MB
-    attempt : 1 unless the job was killed before
-    """
+    """Memory that a job asks for, MB, from that which its script takes at most; each attempt doubles it."""
     return round((SNAKEMAKE_MB + MEMORY_MARGIN * measured) * 2 ** (attempt - 1))
 
 
