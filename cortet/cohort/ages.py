@@ -56,18 +56,39 @@ class _Table:
     #: their unit according to the sidecar; empty if it does not say
     unit: str
 
+    def age_of(self, session: Session) -> tuple[float | None, str]:
+        """The gestational age of a session, weeks, if it is known; and where it is from, or why it is not read.
+
+        The second is empty if the table does not say the age.
+        """
+        texts = self._texts(session)
+        if not texts:
+            return None, self._from_birth if self.column is None and _FROM_BIRTH in self.rows else ""
+        if self.unit.lower() not in _WEEKS:
+            return None, f"not read: column {self.column} of {self.name}, in {self.unit} (give weeks or days)"
+        values = {(number(text) or math.nan) * _WEEKS[self.unit.lower()] for text in texts}
+        low, high = SCAN_AGES
+        if len(values) == 1 and low <= (weeks := round(values.pop(), 2)) <= high:
+            return weeks, f"ages are from {self._heading}"
+        return None, (
+            f"not read: {' and '.join(texts)} in {self._heading}: no age from {low:g} to {high:g} gestational weeks "
+            "(give one number, and its unit in the sidecar, as Units: weeks or days)"
+        )
+
     @property
-    def heading(self) -> str:
+    def _heading(self) -> str:
         """The column of the ages and their unit, in words."""
         unit = f"{self.unit}, as its sidecar says" if self.unit else "weeks"
         return f"column {self.column} of {self.name}, in {unit}"
 
     @property
-    def counts_from_birth(self) -> bool:
-        """Whether it has the column `age` alone."""
-        return self.column is None and _FROM_BIRTH in self.rows
+    def _from_birth(self) -> str:
+        return (
+            f"not read: column {_FROM_BIRTH} of {self.name}, which counts from birth in BIDS (if its ages are "
+            "gestational, name the column in cohort.scan.age_columns)"
+        )
 
-    def ages_of(self, session: Session) -> list[str]:
+    def _texts(self, session: Session) -> list[str]:
         """What its rows about a session say of the age, each value once; empty if they could be of another session."""
         rows = self.rows
         of_one = "{participant}" in self.name
@@ -78,17 +99,7 @@ class _Table:
                 rows = rows[rows[key].str.replace("^(sub|ses)-", "", regex=True) == label]
         if session[1] is None and "session_id" in rows and rows["session_id"].nunique() > 1:
             return []
-        given = dict.fromkeys(rows[self.column])
-        return [text for text in given if text.strip().lower() not in _MISSING]
-
-    def in_weeks(self, texts: Sequence[str]) -> float | None:
-        """The one gestational age that some values give; None if they give none, or contradict each other."""
-        values = {number(text) for text in texts}
-        value, unit = values.pop(), _WEEKS.get(self.unit.lower())
-        if values or value is None or unit is None:
-            return None
-        weeks = round(value * unit, 2)
-        return weeks if SCAN_AGES[0] <= weeks <= SCAN_AGES[1] else None
+        return [text for text in dict.fromkeys(rows[self.column]) if text.strip().lower() not in _MISSING]
 
 
 def ages_at_scan(
@@ -107,43 +118,22 @@ def ages_at_scan(
     remarks: dict[str, list[Session]] = {}
     shared: dict[str, list[Session]] = {}
     for session in sessions:
-        told = []
+        told: list[str] = []
         for name, path in files[session]:
-            if path not in read and path.exists():
-                read[path] = _read(name, path, columns)
-            table = read.get(path)
-            texts = table.ages_of(session) if table else []
-            if table and texts:
-                weeks = table.in_weeks(texts)
-                remarks.setdefault(_remark(table, weeks, texts), []).append(session)
-                if weeks is not None:
-                    found[session] = weeks
-                    if session[1] and "session_id" not in table.rows:
-                        shared.setdefault(session[0], []).append(session)
-                    break
-            elif table and table.counts_from_birth:
-                told.append(
-                    f"not read: column {_FROM_BIRTH} of {name}, which counts from birth in BIDS (if its ages are "
-                    "gestational, name the column in cohort.scan.age_columns)"
-                )
-        else:
-            for remark in told:
-                remarks.setdefault(remark, []).append(session)
+            if session in found or not path.exists():
+                continue
+            table = read[path] = read.get(path) or _read(name, path, columns)
+            weeks, remark = table.age_of(session)
+            told.append(remark)
+            if weeks is not None:
+                found[session] = weeks
+                told = [one for one in told if "counts from birth" not in one]
+                if session[1] and "session_id" not in table.rows:
+                    shared.setdefault(session[0], []).append(session)
+        for remark in filter(None, told):
+            remarks.setdefault(remark, []).append(session)
     counted = [f"{remark}: {_counted(own)}" for remark, own in remarks.items()]
     return found, [*counted, *(_of_one_age(own, found) for own in shared.values() if len(own) > 1)]
-
-
-def _remark(table: _Table, weeks: float | None, texts: Sequence[str]) -> str:
-    """Which column was read for a session, or why it was not."""
-    if weeks is not None:
-        return f"ages are from {table.heading}"
-    if table.unit.lower() not in _WEEKS:
-        return f"not read: column {table.column} of {table.name}, in {table.unit} (give weeks or days)"
-    low, high = SCAN_AGES
-    return (
-        f"not read: {' and '.join(texts)} in {table.heading}: no age from {low:g} to {high:g} gestational weeks (give "
-        "one number, and its unit in the sidecar, as Units: weeks or days)"
-    )
 
 
 def _of_one_age(sessions: Sequence[Session], found: Mapping[Session, float]) -> str:
