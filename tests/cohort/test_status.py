@@ -7,6 +7,8 @@ import signal
 import subprocess
 import sys
 
+import pytest
+
 from cortet.cohort.status import COLUMNS, failure_reason, status_rows
 from cortet.formats.tables import names, write_table
 from cortet.formats.tsv import read_tsv
@@ -42,26 +44,24 @@ def test_a_failure_and_an_exclusion_are_rows_too(tmp_path):
     assert list(json.loads((tmp_path / "status.json").read_text())) == names(COLUMNS)
 
 
-def test_the_reason_is_the_last_error_of_the_log(tmp_path):
+STACK = 'Current thread 0x00007f (most recent call first):\n  File "/x/a.py", line 3 in fill\n  File "b.py", line 4\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("Traceback ...\n10:01 ERROR a.gii: is open\n  edge 3\n", "a.gii: is open;   edge 3"),
+        (STACK, "stopped from outside, at its time limit or by hand, in fill, line 3 of /x/a.py"),
+        ("Traceback ...\nKeyboardInterrupt\n", "stopped by you"),
+        ("", "ended without a message: killed, or out of memory or time"),
+        (None, "ended without a message: killed, or out of memory or time"),
+    ],
+)
+def test_why_a_job_failed_follows_from_its_log(tmp_path, text, reason):
     log = tmp_path / "job.log"
-    log.write_text("10:00 INFO begun\nTraceback ...\n10:01 ERROR a.gii: is open\n  edge 3\n")
-    assert failure_reason(log) == "a.gii: is open;   edge 3"
-
-
-def test_a_log_without_an_error_means_the_job_was_killed(tmp_path):
-    log = tmp_path / "job.log"
-    log.write_text("10:00 INFO begun\n")
-    assert "killed" in failure_reason(log)
-    assert "killed" in failure_reason(tmp_path / "none.log")
-
-
-STOPPED = 'Current thread 0x00007f (most recent call first):\n  File "/x/a.py", line 3 in fill\n  File "b.py", line 4\n'
-
-
-def test_a_job_that_was_told_to_stop_says_where_it_was(tmp_path):
-    log = tmp_path / "job.log"
-    log.write_text(f"10:00 INFO begun\n{STOPPED}")
-    assert failure_reason(log).endswith("in fill, line 3 of /x/a.py")
+    if text is not None:
+        log.write_text(f"10:00 INFO begun\n{text}")
+    assert failure_reason(log) == reason
 
 
 def test_faulthandler_leaves_the_place_where_a_process_was_stopped(tmp_path):

@@ -117,6 +117,15 @@ class Study:
         records = [dict(zip(header.split("\t"), row.split("\t"), strict=True)) for row in rows]
         return {record[key]: record for record in records}
 
+    def results(self, participant: str) -> set[str]:
+        """Ends of the names of the present results of a case: its last mesh, certificate, exports and page."""
+        return {path.name.rpartition("Solver_")[2] for path in self.files(f"sub-{participant}/**/*Solver_*")}
+
+    def outdated(self, participant: str) -> Path:
+        """The certificate of a case that moved aside."""
+        (certificate,) = self.outputs.glob(f"sub-{participant}/outdated/*/mesh/*_certificate.json")
+        return certificate
+
     def files(self, pattern: str) -> list[Path]:
         """Results that match a pattern, hidden ones too; no logs and benchmarks."""
         return [path for path in sorted(self.outputs.rglob(pattern)) if is_result(path, self.outputs)]

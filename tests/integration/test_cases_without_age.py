@@ -40,11 +40,3 @@ def test_a_case_without_an_age_runs_beside_one_with_an_age(tmp_path):
     methods = (study.outputs / "cohort/methods.md").read_text()
     assert "gestational age at scan 24 weeks, of 1 of them not known" in methods
     assert "Surfaces of known age were smoothed" in methods
-
-
-def test_a_case_to_be_folded_needs_an_age_and_nothing_is_run(tmp_path):
-    study = Study(tmp_path)
-    study.config["fold"] = {"cases": ["sub-a_hemi-L"]}
-    study.add_case(replace(study.case("a"), scan_age=None), surface(0))
-    assert not study.jobs_of_run(succeeds=False)
-    assert "sub-a_hemi-L: selected for folding, but without an age" in study.said

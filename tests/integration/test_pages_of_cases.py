@@ -69,3 +69,4 @@ def test_a_cohort_in_which_every_case_failed_has_its_pages(study):
     assert set(linked(study)) == {"sub-a_hemi-L", "sub-b_hemi-L"}
     assert "no such file" in page_of(study, "a").read_text()
     assert len(pictured(study)) == 2, "empty ones"
+    assert "certificate.json" in study.results("a"), "its surface may come back"

@@ -42,7 +42,8 @@ def test_nothing_reruns_after_a_fresh_checkout_with_every_file_touched(study):
     for path in study.folder.rglob("*"):
         if path.is_file() and ".snakemake" not in path.parts:
             path.touch()
-    assert study.planned_jobs(project=checkout) == set()
+    assert study.jobs_of_run("--snakefile", str(checkout / "Snakefile")) == set()
+    assert not list(study.outputs.rglob("outdated"))
 
 
 @pytest.mark.parametrize("damaged", [True, False], ids=["damaged", "of an earlier version"])
@@ -72,10 +73,15 @@ def test_a_case_whose_mesh_has_another_cell_size_says_so(study):
         assert row["state"] == "unfinished" and "another cell size" in row["reason"]
 
 
-def test_a_certificate_that_was_deleted_is_made_again(study):
-    (certificate,) = study.files("sub-a*certificate.json")
-    certificate.unlink()
-    assert ("certify", "sub-a") in study.planned_jobs()
+@pytest.mark.parametrize(
+    ("deleted", "rule"), [("certificate.json", "certify"), ("tetmesh.vtu", "solver_ready"), ("sets.vtu", "export")]
+)
+def test_a_result_that_was_deleted_is_made_again_even_for_the_tables_alone(study, deleted, rule):
+    (file,) = study.files(f"sub-a*Solver_{deleted}")
+    file.unlink()
+    report(study.outputs)
+    assert study.status()["sub-a_hemi-L"]["state"] == "unfinished"
+    assert (rule, "sub-a") in study.planned_jobs("cohort_tables")
 
 
 def test_an_edited_surface_reruns_its_case_and_the_tables(study):
@@ -88,14 +94,16 @@ def test_a_new_row_runs_one_case_and_the_tables(study):
     assert study.planned_jobs() == jobs(FROM_GATE, "c") | COHORT
 
 
-def test_a_surface_replaced_by_an_older_file_reruns_its_case(study):
+def test_a_surface_replaced_by_an_older_file_reruns_its_case_and_the_former_mesh_is_kept(study):
     path = study.folder / "surfaces/a.surf.gii"
+    former = sha256(path)
     scaled(path, 1.05)
     os.utime(path, (1e9, 1e9))  # as `cp -p`, `mv` and `rsync -a` leave it
     assert study.planned_jobs() == jobs(FROM_GATE, "a") | COHORT
     (certificate,) = study.files("sub-a*certificate.json")
     assert ("gate", "sub-a") in study.jobs_of_run(str(certificate.relative_to(study.folder)))
-    assert json.loads(certificate.read_text())["input"]["sha256"] == sha256(path)
+    made_from = [json.loads(one.read_text())["input"]["sha256"] for one in (certificate, study.outdated("a"))]
+    assert made_from == [sha256(path), former]
 
 
 def test_two_surfaces_that_change_places_rerun_both(study):
@@ -197,6 +205,8 @@ def test_a_bypassed_stage_does_not_occur(study):
 
 def test_bad_cases_do_not_stop_the_others_and_nothing_of_an_earlier_run_passes_for_this_one(study):
     became_bad = study.folder / "surfaces/b.surf.gii"
+    (certificate,) = study.files("sub-b/**/*certificate.json")
+    before = sha256(certificate)
     write_surface(twice(read_surface(became_bad)), became_bad)
     study.add_case(study.case("double"), twice(surface(3)))
     study.add_case(study.case("truncated"), surface(4))
@@ -223,9 +233,12 @@ def test_bad_cases_do_not_stop_the_others_and_nothing_of_an_earlier_run_passes_f
     assert (study.folder / status["double"]["log"]).exists()
     failure = json.loads((study.folder / status["double"]["log"]).with_suffix(".failure.json").read_text())
     assert failure["stage"] == "gate" and "2 separate pieces" in failure["what"] and failure["remedy"]
-    assert list(study.outputs.glob("sub-b/outdated/1/mesh/*certificate.json")), "what was made before is kept"
+    assert "6 cases: 2 certified, 4 failed" in study.said
+    assert study.results("b") == {"report.html", "thumbnail.webp"}, "of its failure"
+    assert sha256(study.outdated("b")) == before, "what was made before is kept"
     (page,) = study.files("sub-b/mesh/*report.html")
     assert "2 separate pieces" in page.read_text()
+    assert "sub-b/outdated" in page.read_text() and "sub-b/outdated" in status["b"]["reason"]
     assert "sub-b" not in (study.outputs / "cohort/cohort_quality.tsv").read_text()
 
     write_surface(surface(3), study.folder / "surfaces/double.surf.gii")
