@@ -10,7 +10,7 @@ rule generate:
     input:
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
-        fields=PLAN.size_field,
+        fields=PLAN.fields if CONFIG.generate.size_field else [],  # other fields do not make S1 run again
     output:
         **mesh_of("generate"),
     log:
@@ -31,7 +31,7 @@ rule generate:
 rule transfer:
     """S2: carry the fields of the surface to the nodes; on request write the mesh for openCARP and meshtool."""
     input:
-        mesh=PLAN.mesh_before("transfer"),
+        mesh=partial(PLAN.mesh_before, "transfer"),
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
         fields=PLAN.fields,
@@ -59,7 +59,7 @@ rule transfer:
 rule relocate:
     """S3: Gmsh moves interior nodes, so that elements get better on average."""
     input:
-        mesh=PLAN.mesh_before("relocate"),
+        mesh=partial(PLAN.mesh_before, "relocate"),
     output:
         **mesh_of("relocate"),
     log:
@@ -78,7 +78,7 @@ rule relocate:
 rule clean:
     """S4: move vertices until the worst elements are good."""
     input:
-        mesh=PLAN.mesh_before("clean"),
+        mesh=partial(PLAN.mesh_before, "clean"),
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
     output:
@@ -99,7 +99,7 @@ rule clean:
 rule reconnect:
     """S4+: swap faces and edges of elements that moving cannot improve."""
     input:
-        mesh=PLAN.mesh_before("reconnect"),
+        mesh=partial(PLAN.mesh_before, "reconnect"),
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
     output:
@@ -120,7 +120,7 @@ rule reconnect:
 rule smooth_boundary:
     """Smooth the boundary, as the published chain does."""
     input:
-        mesh=PLAN.mesh_before("smooth_boundary"),
+        mesh=partial(PLAN.mesh_before, "smooth_boundary"),
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
     output:
@@ -141,7 +141,7 @@ rule smooth_boundary:
 rule snap:
     """S6: put the boundary onto the surface."""
     input:
-        mesh=PLAN.mesh_before("snap"),
+        mesh=partial(PLAN.mesh_before, "snap"),
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
     output:
@@ -162,7 +162,7 @@ rule snap:
 rule solver_ready:
     """S5: order nodes and elements as solvers want them, and bring the fields of the surface along."""
     input:
-        mesh=PLAN.mesh_before("solver_ready"),
+        mesh=partial(PLAN.mesh_before, "solver_ready"),
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
         fields=PLAN.fields,

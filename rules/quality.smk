@@ -9,8 +9,8 @@ rule certify:
         inner=PLAN.inner_surfaces,
         source=PLAN.surface,
         reports=lambda wildcards: list(PLAN.reports(wildcards).values()),
-        inner_repairs=PLAN.inner_reports("repair"),
-        inner_resamplings=PLAN.inner_reports("resample"),
+        inner_repairs=partial(PLAN.inner_reports, "repair"),
+        inner_resamplings=partial(PLAN.inner_reports, "resample"),
     output:
         certificate=LAYOUT.certificate,
     log:

@@ -120,7 +120,7 @@ rule gate:
         **stage_params("gate"),
         repair=partial(PLAN.arguments, "repair") if CONFIG.enabled("repair") else None,
         version_of_repair=version_of("stages.repair"),
-        to_mm=PLAN.placement_after_resampling,
+        to_mm=lambda wildcards: None if PLAN.is_resampled(wildcards) else PLAN.placement(wildcards),
         hemi=hemisphere,
     script:
         "../scripts/gate.py"

@@ -168,10 +168,6 @@ class Jobs:
         except InputError as error:
             return str(error)
 
-    def placement_after_resampling(self, job: Job) -> Placement:
-        """As `placement`, for the stage that comes first if a case has no sphere."""
-        return None if self.is_resampled(job) else self.placement(job)
-
     def facts(self, job: Job) -> dict[str, Any]:
         """What is known of the surface or mesh of a job, in the form for `cortet.stages.arguments_of`."""
         case = self.case(job)
@@ -183,13 +179,13 @@ class Jobs:
             "nested": bool(case.inner),
             "sphere_file": str(case.sphere),
         }
-        if "res" in job.keys():  # noqa: SIM118
+        if job.get("res"):
             facts |= {"cell_size": int(job["res"]) / 1000, "mesher": job.get("mesher")}
         return facts
 
     def arguments(self, stage: str, job: Job) -> dict[str, Any]:
         """Keyword arguments of a stage, but for `locations`; with its VERSION they decide whether it runs again."""
-        inside = {"inside": True} if STAGES[stage].takes_inside and "inner" in job.keys() else {}  # noqa: SIM118
+        inside = {"inside": True} if STAGES[stage].takes_inside and job.get("inner") else {}
         return without_locations(self._arguments(stage, job)) | inside
 
     def locations(self, stage: str, job: Job) -> dict[str, Any]:
@@ -233,7 +229,7 @@ class Jobs:
     def source(self, job: Job) -> str:
         """The user's file of the surface that a job is about."""
         case = self.case(job)
-        return str(case.inner.get(job["inner"]) if "inner" in job.keys() else case.surface)  # noqa: SIM118, wildcards
+        return str(case.inner.get(job["inner"]) if job.get("inner") else case.surface)
 
     # --- the user's files ----------------------------------------------------------------------------------------
 
@@ -244,8 +240,8 @@ class Jobs:
         """
         case = self.case(job)
         named: dict[str, Any] = {"surface": case.surface} | {f"inner_{name}": path for name, path in case.inner.items()}
-        if "res" not in job.keys():  # noqa: SIM118
-            own = f"inner_{job['inner']}" if "inner" in job.keys() else "surface"  # noqa: SIM118
+        if not job.get("res"):
+            own = f"inner_{job['inner']}" if job.get("inner") else "surface"
             named = {own: named[own]}
         if self.is_resampled(job):
             named |= {"sphere": case.sphere, "template": self._template(case)}
@@ -305,7 +301,7 @@ class Jobs:
 
     def first_surface(self, job: Job) -> str | list[str]:
         """The first surface of the line, for the region of the job; on the common mesh if the case has a sphere."""
-        inner = "inner" in job.keys()  # noqa: SIM118
+        inner = bool(job.get("inner"))
         if self.is_resampled(job):
             return self.layout.surface(STAGES["resample"].label, inner=inner)
         return self.inner_source(job) if inner else self.surface(job)
@@ -324,10 +320,6 @@ class Jobs:
     def fields(self, job: Job) -> str | list[str]:
         """The file of the case's fields; empty if it has none."""
         return self.layout.surface("fields") if self.case(job).fields else []
-
-    def size_field(self, job: Job) -> str | list[str]:
-        """As `fields`, if S1 follows a field. If it does not, changed fields must not make it run again."""
-        return self.fields(job) if self.config.generate.size_field else []
 
     def meshed_surface(self, job: Job) -> str:
         """The surface that is meshed, and that every later stage measures against."""
@@ -349,16 +341,12 @@ class Jobs:
         stages = stages_of(self.config, aged=self.case(job).scan_age is not None)
         return [stage.label for stage in stages if stage.gives == "surface"][-1]
 
-    def mesh_before(self, stage: str) -> Callable[[Job], str]:
-        """An input function: the mesh of the last enabled stage before `stage`. A bypassed stage does not occur."""
-
-        def file(job: Job) -> str:
-            order = list(LABELS)
-            meshes = [other.name for other in stages_of(self.setting(job)) if other.gives == "mesh"]
-            earlier = [name for name in meshes if order.index(name) < order.index(stage)]
-            return filled(self.layout.mesh(LABELS[earlier[-1]]), job)
-
-        return file
+    def mesh_before(self, stage: str, job: Job) -> str:
+        """The mesh of the last enabled stage before `stage`. A bypassed stage does not occur."""
+        order = list(STAGES)
+        meshes = [one for one in stages_of(self.setting(job)) if one.gives == "mesh"]
+        earlier = [one for one in meshes if order.index(one.name) < order.index(stage)]
+        return filled(self.layout.mesh(earlier[-1].label), job)
 
     def reports(self, job: Job) -> dict[str, str]:
         """Files of the reports of a setting's stages, by stage."""
@@ -373,14 +361,10 @@ class Jobs:
         first = next(iter(self.case(job).inner), "")  # each report of `separate` is about all inner surfaces
         return {stage.name: filled(report(stage), job, inner=first) for stage in self.line(job)}
 
-    def inner_reports(self, stage: str) -> Callable[[Job], list[str]]:
-        """An input function: a stage's reports on the inner surfaces; empty if it does not run."""
-
-        def files(job: Job) -> list[str]:
-            pattern = self.layout.surface(STAGES[stage].label, "white.json", inner=True)
-            return self._inner(pattern, job) if STAGES[stage] in self.line(job) else []
-
-        return files
+    def inner_reports(self, stage: str, job: Job) -> list[str]:
+        """A stage's reports on the inner surfaces; empty if it does not run."""
+        pattern = self.layout.surface(STAGES[stage].label, "white.json", inner=True)
+        return self._inner(pattern, job) if STAGES[stage] in self.line(job) else []
 
     def space(self, job: Job) -> str:
         """The surface in whose space all files of a case are."""
@@ -389,26 +373,21 @@ class Jobs:
 
     def origin(self, label: str, job: Job) -> dict[str, Any]:
         """Origin of the record that a job writes; `label` is that of the stage that made the mesh or surface."""
-        if "mesher" in job.keys():  # noqa: SIM118
+        if job.get("mesher"):
             return self.origin_of_mesh(label, job["case"], int(job["res"]), job["mesher"], job.get("setting", ""))
-        inner = {"inner": job["inner"]} if "inner" in job.keys() else {}  # noqa: SIM118
+        inner = {"inner": job["inner"]} if job.get("inner") else {}
         return {"case": job["case"], "stage": label, **inner}
 
     def origin_of_mesh(self, label: str, case: str, res: int, mesher: str, setting: str = "") -> dict[str, Any]:
         """Origin of a record of a mesh."""
-        return {
-            "case": case,
-            "stage": label,
-            "cell_size_mm": res / 1000,
-            "mesher": mesher,
-            "setting": None if label in SHARED else self.settings[setting].setting,
-        }
+        name = None if label in SHARED else self.settings[setting].setting
+        return {"case": case, "stage": label, "cell_size_mm": res / 1000, "mesher": mesher, "setting": name}
 
     # --- what jobs take ------------------------------------------------------------------------------------------
 
     def tets(self, job: Job) -> float:
         """Expected tetrahedra: from the volume that the gate measured, else from the age; 0 for a job on a surface."""
-        if "mesher" not in job.keys():  # noqa: SIM118
+        if not job.get("mesher"):
             return 0
         case = self.case(job)
         try:

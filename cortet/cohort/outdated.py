@@ -45,7 +45,8 @@ def set_aside(plan: Plan, *, dropped: bool = False) -> list[str]:
             told.append(f"{case.name}: {why}, and its earlier results were moved to {moved}")
 
     for case in plan.cases.values():
-        changed = [one for one in certificates_of(plan, case) if _has_changed(plan, _job_of(case), one)]
+        job = {"folder": case.folder, "case": case.name, "res": "any"}
+        changed = [one for one in certificates_of(plan, case) if _has_changed(plan, job, one)]
         move(case, "its surface has changed", [path for one in changed for path in _made_with(one)])
     for mesh, certificate in plan.certificates().items():
         case, failure = plan.cases[mesh[0]], plan.failures.get(mesh, {})
@@ -89,11 +90,6 @@ def first_other_stage(plan: Plan, mesh: Mesh) -> str | None:
 def certificates_of(plan: Plan, case: Case) -> list[Path]:
     """The certificates of a case that are there, of any cell size, mesher and setting."""
     return sorted((Path(plan.layout.output) / case.folder).glob(f"mesh/{case.name}_res-*{_CERTIFICATE}"))
-
-
-def _job_of(case: Case) -> dict[str, str]:
-    """Wildcards of a job on any mesh of a case."""
-    return {"folder": case.folder, "case": case.name, "res": ""}
 
 
 def _has_changed(plan: Plan, job: Job, certificate: Path) -> bool:
