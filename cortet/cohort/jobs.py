@@ -174,7 +174,7 @@ class Jobs:
         facts: dict[str, Any] = {
             "source": self.source(job),
             "gestational_age": case.scan_age,
-            "hemisphere": case.hemi,
+            "hemisphere": case.hemi or _NO_HEMISPHERE,  # of which `resample` chooses the template
             "placement": self.placement(job),
             "nested": bool(case.inner),
             "sphere_file": str(case.sphere),
@@ -206,7 +206,7 @@ class Jobs:
     def recorded_line(self, job: Job) -> dict[str, Any]:
         """Arguments and versions of the stages of a setting and of the certificate, for the certificate."""
         stages = [stage.name for stage in self.line(job)]
-        done = {stage: record_of(self._config_of(stage, job), stage, self._facts_of(stage, job)) for stage in stages}
+        done = {stage: record_of(self._config_of(stage, job), stage, self.facts(job)) for stage in stages}
         return {**done, "certify": certify_record(self.setting(job), int(job["res"]) / 1000)}
 
     def recorded_settings(self, job: Job) -> dict[str, Any]:
@@ -214,13 +214,7 @@ class Jobs:
         return {step: without_locations(recorded) for step, recorded in self.recorded_line(job).items()}
 
     def _arguments(self, stage: str, job: Job) -> dict[str, Any]:
-        return arguments_of(self._config_of(stage, job), stage, self._facts_of(stage, job))
-
-    def _facts_of(self, stage: str, job: Job) -> dict[str, Any]:
-        """As `facts`, with a word for an unknown hemisphere, which decides where `resample` goes."""
-        facts = self.facts(job)
-        named = {"hemisphere": facts["hemisphere"] or _NO_HEMISPHERE} if stage == "resample" else {}
-        return facts | named
+        return arguments_of(self._config_of(stage, job), stage, self.facts(job))
 
     def _config_of(self, stage: str, job: Job) -> Config:
         """The configuration of a stage; those that all settings share use that of the line."""

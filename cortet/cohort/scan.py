@@ -18,18 +18,8 @@ _ENTITIES = "(?:_[A-Za-z0-9]+-[A-Za-z0-9+.]+)*"
 #: the space that a name states, and those that are the subject's own: the subject lies there as in the scanner
 _SPACE = re.compile(r"_(space-([A-Za-z0-9+.]+))(?=_)")
 _OWN_SPACES = {
-    "t1w",
-    "t2w",
-    "flair",
-    "dwi",
-    "bold",
-    "anat",
-    "orig",
-    "native",
-    "individual",
-    "scanner",
-    "fsnative",
-    "fslr",
+    *("t1w", "t2w", "flair", "dwi", "bold", "anat", "orig"),
+    *("native", "individual", "scanner", "fsnative", "fslr"),
 }
 #: most files that a remark names
 _MOST_NAMES = 5
@@ -47,7 +37,13 @@ def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], obj
     patterns = patterns or Scan()
     found = _surfaces(directory, patterns, say)
     sessions = list(dict.fromkeys((participant, session) for participant, session, _ in found))
-    tables = {key: _age_tables(directory, *key, patterns) for key in sessions}
+    tables = {
+        (participant, session): [
+            (name, directory / filled_in(name, {"participant": participant, "session": session}))
+            for name in (patterns.sessions, patterns.participants)  # the first tables count most
+        ]
+        for participant, session in sessions
+    }
     ages, told = ages_at_scan(sessions, tables, patterns.age_columns)
     for sentence in told:
         say(sentence)
@@ -82,11 +78,10 @@ def _surfaces(directory: Path, patterns: Scan, say: Callable[[str], object]) -> 
         names = [path.relative_to(directory).as_posix() for path in paths[:_MOST_NAMES]]
         return ", ".join(names + [f"and {len(paths) - _MOST_NAMES} more"] * (len(paths) > _MOST_NAMES))
 
-    taken: dict[_Key, Path] = {}
+    found = {key: sorted(places, key=rank) for key, places in _candidates(directory, patterns.surfaces, say).items()}
+    taken = {key: places[0][1] for key, places in found.items()}
     beside: list[Path] = []
-    for key, places in _candidates(directory, patterns.surfaces, say).items():
-        (number, first), *others = sorted(places, key=rank)
-        taken[key] = first
+    for (number, first), *others in found.values():
         alike = [path for other, path in others if other == number]
         beside += [path for other, path in others if other != number]
         if alike:
@@ -162,12 +157,6 @@ def _say_which(cases: Sequence[Case], say: Callable[[str], object], *, pial: boo
         for path in (case.surface, *case.inner.values()):
             if content_is_elsewhere(path):
                 say(f"{path}: {ELSEWHERE} (datalad get {path})")
-
-
-def _age_tables(directory: Path, participant: str, session: str | None, patterns: Scan) -> list[tuple[str, Path]]:
-    """Name and file of the tables that may hold the age of a session; the first tables count most."""
-    labels = {"participant": participant, "session": session}
-    return [(name, directory / filled_in(name, labels)) for name in (patterns.sessions, patterns.participants)]
 
 
 def _label(name: str, folders: dict[str, str], directory: Path, say: Callable[[str], object]) -> str:
