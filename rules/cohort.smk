@@ -29,8 +29,6 @@ rule cohort_tables:
         in_report("cohort_tables"),
     log:
         LAYOUT.log("cohort_tables", ()),
-    benchmark:
-        took("cohort_tables", ())
     localrule: True
     params:
         facts=facts_of("cohort_tables"),
@@ -47,8 +45,6 @@ rule cohort_page:
         in_report("cohort_page"),
     log:
         LAYOUT.log("cohort_page", ()),
-    benchmark:
-        took("cohort_page", ())
     resources:
         mem_mb=4000,
         runtime=60,

@@ -17,8 +17,6 @@ rule tables:
         in_report("tables"),
     log:
         LAYOUT.log("tables", ()),
-    benchmark:
-        took("tables", ())
     localrule: True
     params:
         facts=facts_of("tables"),
@@ -36,8 +34,6 @@ rule figures:
         in_report("figures"),
     log:
         LAYOUT.log("figures", ()),
-    benchmark:
-        took("figures", ())
     resources:
         mem_mb=8000,
         runtime=50,
@@ -85,8 +81,6 @@ rule reference:
         record=f"{OUT}/cohort/reference-{{reference}}_quality.json",
     log:
         LAYOUT.log("reference", ("reference",)),
-    benchmark:
-        took("reference", ("reference",))
     resources:
         mem_mb=2000,
         runtime=5,
