@@ -112,8 +112,9 @@ def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study, tmp_path):
     mark = next(iter(f"wait-export-{path.name}" for path in study.files("sub-a*_sets.vtu")))
     wait_for(study.folder / "sabotage" / mark, first)
 
-    again = study.run()
-    assert again.returncode != 0 and "another run writes to it" in again.stdout + again.stderr
+    for words in ((), ("--dry-run",)):
+        again = study.run(*words)
+        assert again.returncode != 0 and "another run writes to it" in again.stdout + again.stderr
 
     (tmp_path / "clone").mkdir()
     clone = Study(tmp_path / "clone", {**study.config, "output": str(study.folder / "derivatives/cortet")})

@@ -9,8 +9,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +20,7 @@ from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.hashing import sha256
 from cortet.over_all import report
 from tests.integration.study import ROOT, STATUS, Study, scaled, surface, twice
+from tests.integration.test_faults import sabotaged, wait_for
 
 COHORT = {("cohort_tables", "-"), ("cohort_page", "-")}
 FROM_CLEAN = {"clean", "reconnect", "solver_ready", "certify", "case_page", "export"}
@@ -144,21 +143,6 @@ def test_a_configuration_with_a_section_twice_is_refused(study):
     assert result.returncode != 0 and "key clean stands in line" in result.stdout + result.stderr
 
 
-def test_a_dry_run_during_a_run_is_refused(study):
-    command = (
-        "import sys; from pathlib import Path; from cortet.cohort.lock import hold; held = hold(Path(sys.argv[1]));"
-    )
-    with subprocess.Popen(
-        [sys.executable, "-c", f"{command} print(flush=True); sys.stdin.read()", study.outputs],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-    ) as run:
-        assert run.stdout and run.stdout.readline()
-        refused = study.run("--dry-run")
-        run.communicate()
-    assert refused.returncode != 0 and "another run writes to it" in refused.stdout + refused.stderr
-
-
 def test_after_a_dry_run_with_other_parameters_a_report_says_what_the_last_run_asked_for(study):
     study.config["clean"] = {"thresholds": [0.6]}
     assert ("clean", "sub-a") in study.planned_jobs()
@@ -271,39 +255,35 @@ def test_a_bad_sheet_stops_the_run_before_it_begins(study):
     assert "line 4, column scan_age: 'forty'" in result.stdout + result.stderr
 
 
-@pytest.mark.parametrize(
-    ("rule", "killed"), [("generate", "everything"), ("clean", "the job")], ids=["S1 with Snakemake", "S4 alone"]
-)
-def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study, rule, killed):
+@pytest.mark.parametrize("killed", ["everything", "the job"])
+def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study, killed):
     study.write_cases(study.cases()[:1])
-    study.config["generate"] |= {"cell_size": [1.0]}  # seconds, so that there is something to kill
-    finals = {"generate": "*res-1000um*Generated_tetmesh.*", "clean": "*res-1000um*Cleaned_tetmesh.*"}[rule]
+    study.config["generate"] |= {"cell_size": [3.5]}
+    what = "wait" if killed == "everything" else "kill"
     run = subprocess.Popen(
         study.command(STATUS),
         cwd=study.folder,
+        env=sabotaged(study, **{what: [("certify", "sub-a")]}),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
-    job = wait_for(lambda: process_of(rule, study), run)
-    time.sleep(0.5)
-    os.killpg(run.pid, signal.SIGKILL) if killed == "everything" else os.kill(job, signal.SIGKILL)
-    run.wait()
-
-    assert not study.files(finals)
     if killed == "everything":
-        assert {row["state"] for row in study.status().values()} == {"unfinished"}
+        name = "sub-a_hemi-L_res-3500um_desc-latticeSolver_certificate.json"
+        wait_for(study.folder / f"sabotage/wait-certify-{name}", run)
+        os.killpg(run.pid, signal.SIGKILL)
+    assert run.wait() != 0
+    assert not study.files("*res-3500um*certificate.json")
+    (row,) = study.status().values()
+    if killed == "everything":
+        assert row["state"] == "unfinished"
         assert study.run("--unlock").returncode == 0
     else:
-        assert run.returncode != 0
-        (row,) = study.status().values()
-        assert (row["stage"], row["state"]) == (rule, "failed")
-        assert "killed" in row["reason"]
+        assert (row["stage"], row["state"]) == ("certify", "failed") and "killed" in row["reason"]
     assert study.jobs_of_run(STATUS)
     assert {row["state"] for row in study.status().values()} == {"certified"}
-    assert not [
-        path for path in study.files("*") if path.name.startswith(".") and path.name not in (".bidsignore", NAME)
-    ]
+    hidden = {path.name for path in study.files(".*")}
+    assert hidden <= {".bidsignore", NAME}
 
 
 def checked_out(folder: Path) -> Path:
@@ -313,26 +293,6 @@ def checked_out(folder: Path) -> Path:
         shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(ROOT / "Snakefile", folder)
     return folder
-
-
-def process_of(rule: str, study: Study) -> int | None:
-    """Id of the process of a job: the one that writes to the log of its rule."""
-    for entry in Path("/proc").glob("[0-9]*"):
-        try:
-            if study.logs / rule in (entry / "fd/1").readlink().parents:
-                return int(entry.name)
-        except OSError:
-            continue  # gone, or not ours
-    return None
-
-
-def wait_for(found: Callable[[], int | None], run: subprocess.Popen[bytes], seconds: float = 600) -> int:
-    end = time.time() + seconds
-    while time.time() < end and run.poll() is None:
-        if (result := found()) is not None:
-            return result
-        time.sleep(0.02)
-    raise AssertionError("the job to kill never ran")
 
 
 def test_files_that_vanished_beside_an_export_are_named(study):
