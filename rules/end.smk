@@ -12,7 +12,6 @@ from cortet.cohort.app import outcome, workflow as of_workflow
 from cortet.cohort.failures import with_failures
 from cortet.cohort.lock import hold, is_held_by_parent
 from cortet.cohort.outdated import set_aside
-from cortet.paper.experiments import Experiments
 from cortet.over_all import is_of_run, remember_run
 
 FOLDER = of_workflow()  # the main Snakefile may be a user's, which includes ours
@@ -37,7 +36,7 @@ onstart:
     for moved in [] if workflow.touch else set_aside(PLAN, dropped=dropped):
         logger.warning(moved)
     remember_run(PLAN, config, ASKED)
-    for notice in Experiments(PLAN).costs() if "tables" in ASKED else []:
+    for notice in EXPERIMENTS.costs() if "tables" in ASKED else []:
         logger.warning(notice)
 
 

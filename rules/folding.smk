@@ -61,6 +61,12 @@ rule folded_surface:
         "../scripts/folded_surface.py"
 
 
+def in_fold_report(name, caption, figure):
+    """A picture of a fold, with its caption in Snakemake's report."""
+    labels = {"case": "{case} {variant}", "figure": figure}
+    return report(FOLDS.fold(name), caption=f"../reports/{caption}.rst", category="Folding", labels=labels)
+
+
 rule fold_figures:
     """Its numbers against age, the brain every four weeks beside real ones, and a film."""
     input:
@@ -69,24 +75,9 @@ rule fold_figures:
         real=lambda wildcards: [path for path in FOLDS.real_surfaces(wildcards).values() if existing(path)],
         maps=lambda wildcards: [path for files in FOLDS.pictured(wildcards).values() for path in files],
     output:
-        numbers=report(
-            FOLDS.fold("folding.svg"),
-            caption="../reports/folding.rst",
-            category="Folding",
-            labels={"case": "{case} {variant}", "figure": "numbers"},
-        ),
-        picture=report(
-            FOLDS.fold("folded.png"),
-            caption="../reports/folded.rst",
-            category="Folding",
-            labels={"case": "{case} {variant}", "figure": "by age"},
-        ),
-        film=report(
-            FOLDS.fold("folding.gif"),
-            caption="../reports/folded.rst",
-            category="Folding",
-            labels={"case": "{case} {variant}", "figure": "film"},
-        ),
+        numbers=in_fold_report("folding.svg", "folding", "numbers"),
+        picture=in_fold_report("folded.png", "folded", "by age"),
+        film=in_fold_report("folding.gif", "folded", "film"),
     log:
         LAYOUT.log("fold_figures", (*MESH, "variant")),
     benchmark:
