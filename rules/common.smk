@@ -210,3 +210,9 @@ def in_report(rule):
         return report(path, caption=f"../reports/{caption}.rst", category="Cohort") if caption else path
 
     return [shown(path) for path in RESULTS[rule].files]
+
+
+def in_fold_report(name, caption, figure):
+    """A picture of a fold, with its caption in Snakemake's report."""
+    labels = {"case": "{case} {variant}", "figure": figure}
+    return report(FOLDS.fold(name), caption=f"../reports/{caption}.rst", category="Folding", labels=labels)

@@ -61,12 +61,6 @@ rule folded_surface:
         "../scripts/folded_surface.py"
 
 
-def in_fold_report(name, caption, figure):
-    """A picture of a fold, with its caption in Snakemake's report."""
-    labels = {"case": "{case} {variant}", "figure": figure}
-    return report(FOLDS.fold(name), caption=f"../reports/{caption}.rst", category="Folding", labels=labels)
-
-
 rule fold_figures:
     """Its numbers against age, the brain every four weeks beside real ones, and a film."""
     input:
