@@ -148,7 +148,7 @@ def side_by_side(certificates: Mapping[str, Certificate]) -> pd.DataFrame:
     """
     import pandas as pd
 
-    from cortet.report.records import ELEMENTS, of_check
+    from cortet.report.numbers import ELEMENTS, of_check
 
     columns = {}
     limits: dict[str, str] = {}

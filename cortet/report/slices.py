@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyvista
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PolyCollection
@@ -122,6 +121,8 @@ def section(mesh: TetMesh, plane: str, position: float) -> NDArray[np.uint8]:
 
 def cut(points: FloatArray, cells: IntArray, axis: int, position: float) -> tuple[list[FloatArray], NDArray[Any]]:
     """Polygons in which a plane across an axis cuts tetrahedra: the corners of each (k, 3), and its tetrahedron."""
+    import pyvista  # loads VTK, which a module of pages need not
+
     grid = pyvista.UnstructuredGrid({pyvista.CellType.TETRA: cells}, points)
     grid.cell_data["cell"] = np.arange(len(cells))
     found = grid.slice(normal="xyz"[axis], origin=np.full(3, position))
