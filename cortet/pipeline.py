@@ -223,7 +223,14 @@ def _certified(
     assert isinstance(mesh, TetMesh)  # the line ends with solver_ready
     parameters["certify"] = certify_record(config, cell_size)
     certificate = certify(
-        mesh, surface, config.certify, cell_size=cell_size, parameters=parameters, reports=reports, **of
+        mesh,
+        surface,
+        config.certify,
+        cell_size=cell_size,
+        parameters=parameters,
+        reports=reports,
+        layers=config.export.layers,
+        **of,
     )
     return Meshed(mesh, certificate, surface)
 

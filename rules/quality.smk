@@ -22,6 +22,7 @@ rule certify:
         **asked("certify"),
     params:
         limits=lambda wildcards: PLAN.setting(wildcards).certify.values(),
+        layers=CONFIG.export.layers,
         version=version_of("measure.certify"),
         input_sha256=PLAN.input_sha256,
         line=derived(PLAN.recorded_line),

@@ -40,5 +40,6 @@ certificate = certify(
     source=job.input.source,
     parameters=job.params.line,
     reports=reports,
+    layers=job.params.layers,
 )
 write_json(asdict(certificate), job.output.certificate)

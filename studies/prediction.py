@@ -156,7 +156,7 @@ def core_growth(series: Series, mesh: TetMesh, age: float) -> FloatArray:
 
     The boundary moves from the first surface to that of an age, and the inside moves harmonically.
     """
-    from cortet.stages._harmonic import harmonic
+    from cortet.measure.harmonic import harmonic
 
     outer = boundary_nodes(mesh)
     found = closest_points(tree_of(series.first), mesh.points[outer])

@@ -39,11 +39,13 @@ from cortet.geometry.interpolation import applied
 from cortet.geometry.limits import SCAN_AGES, SHELL_MM, require_within
 from cortet.geometry.nesting import nested, sheets
 from cortet.measure.certify import Certificate, with_remarks
+from cortet.measure.layers import require_layers
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, region_names, require_measurable
 from cortet.pipeline import About, Meshed, Step, mesh_surface, save
 from cortet.solver_files.fields import with_fields, with_q, without_q
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
+from cortet.solver_files.laminar import Laminar
 from cortet.solver_files.meshed import Origin
 from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar
 from cortet.solver_files.surface_map import SurfaceMap, surface_map
@@ -156,6 +158,53 @@ class Mesh:
         region : inside which surface, by name; None: the outermost one that was given
         """
         return self.surface_map(region).on_surface(values_of(values), depth)
+
+    @short_traceback
+    def laminar_profile(
+        self, values: ArrayLike, depths: Sequence[float], *, equivolumetric: bool = True, region: str | None = None
+    ) -> NDArray[Any]:
+        """Values of the mesh at depths of the cortex below the vertices of a given surface: (v, d) or (v, d, k).
+
+        Points lie along columns of the cortex, which lead from the pial to the white surface. The mesh has an inner
+        surface `white`, and at least two elements across the cortex for depths to mean something.
+
+        Parameters
+        ----------
+        values : of nodes or tetrahedra, as in `to_surface`
+        depths : (d,), each from 0, the pial, to 1, the white surface
+        equivolumetric : whether a depth is a share of the volume of a column, or of its length
+        region : inside which surface, as in `to_surface`; its vertices, those of `white` for example
+
+        Returns
+        -------
+        NaN for a vertex without a column, as in the medial wall
+
+        Examples
+        --------
+        >>> profile = head.laminar_profile(field, [0.1, 0.3, 0.5, 0.7, 0.9])
+        """
+        laminar, given = self._laminar(region, equivolumetric), values_of(values)
+        return np.stack([laminar.weights(depth).of(given) for depth in depths], axis=1)
+
+    @short_traceback
+    def laminar_surfaces(
+        self, depths: Sequence[float], *, equivolumetric: bool = True, region: str | None = "white"
+    ) -> list[TriSurface]:
+        """The surfaces at depths of the cortex, with the vertices and triangles of a surface that was given.
+
+        A vertex without a column, as in the medial wall, stays where it is on the meshed surface.
+
+        Parameters
+        ----------
+        depths, equivolumetric : as in `laminar_profile`
+        region : inside the surface whose vertices are moved along the columns
+        """
+        found, laminar = self.surface_map(region), self._laminar(region, equivolumetric)
+        native, every = replace(found.native, point_data={}), map(laminar.points, depths)
+        return [replace(native, points=np.where(np.isfinite(points), points, found.points)) for points in every]
+
+    def _laminar(self, region: str | None, equivolumetric: bool) -> Laminar:
+        return Laminar(self.surface_map(region), self.surface.inner, equivolumetric=equivolumetric)
 
     @short_traceback
     def from_surface(self, values: ArrayLike, *, region: str | None = None) -> NDArray[Any]:
@@ -464,6 +513,8 @@ def inputs(
     within = inner_surfaces(inner_files, outer, to_mm, finite=finite, handles=config.handles())
     others = {name: surface(one, finite=finite) for name, one in _others(inner).items()}
     whole = nested(outer, {**within.surfaces, **others})
+    if config.export.layers is not None:
+        require_layers(whole.inner)
     known = {name: within.files[name] for name in whole.inner if name in within.files}
     region_files = {} if source is None else by_region(source, known)
     if shell is not None:

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from cortet.measure.certify import Certificate
     from cortet.meshes import TriSurface
     from cortet.solver_files.surface_map import Depth as DepthOfMap
-    from cortet.solver_files.surface_map import SurfaceMap
+    from cortet.solver_files.surface_map import SurfaceMap, ToSurface
 
 Unit = Literal["mm", "um"]
 
@@ -304,6 +304,8 @@ def project(
     mesh: InputFile,
     output: Annotated[FieldsFile, O],
     depth: Depth | None = None,
+    equidistant: bool = False,
+    layer: Annotated[int | None, number(1, 100, "N", whole=True)] = None,
     thickness: Annotated[float | None, number(*THICKNESS_MM, "MM")] = None,
     surface: InputFile | None = None,
     parcels: InputFile | None = None,
@@ -321,8 +323,13 @@ def project(
         Mesh of the simulation, as cortet wrote it.
     output
         GIfTI with an array for each field and step.
+    equidistant
+        Take depths in % as parts of the length of a column of the cortex, not of its volume.
+    layer
+        Means over layer N of a mesh that was made with --layers; 1 is the outermost.
     thickness
-        Thickness of the cortex (default: field thickness of the mesh).
+        Of the cortex, for depths in % below the surface of a mesh without white surface (default: field thickness of
+        the mesh).
     surface
         Surface to project onto (default: from the sidecar of the mesh).
     parcels
@@ -348,6 +355,8 @@ def project(
     from cortet.solver_files.surface_map import map_of_file
     from cortet.stages.resample import common_sphere
 
+    if layer is not None and (depth is not None or equidistant):
+        raise InputError("a layer has its own depths", remedy="leave --depth and --equidistant out, or --layer")
     if (sphere is None) != (template_sphere is None):
         raise InputError("one sphere is missing", remedy="give both --sphere and --template-sphere, or none")
     table = output.with_name(f"{output.stem.removesuffix('.func')}.parcels.tsv")
@@ -363,8 +372,13 @@ def project(
     weights = None
     if sphere and template_sphere:
         weights = onto_common(found.native, sphere, common_sphere(Resample(template=str(template_sphere))))
-    below = _millimetres(depth, found, thickness, mesh) if depth else None
-    fields, whole, told = on_surface(read_result(result), found, file=result, mesh_file=mesh, depth=below)
+    if layer is not None or (depth and depth.relative and thickness is None and _has_white(mesh)):
+        there = _in_columns(found, mesh, depth, layer, equidistant=equidistant)
+    elif equidistant:
+        raise InputError("only depths in % of a mesh with a white surface can be equidistant", file=mesh)
+    else:
+        there = found.weights(_millimetres(depth, found, thickness, mesh) if depth else None)
+    fields, whole, told = on_surface(read_result(result), there, file=result, mesh_file=mesh)
     for line in told:
         print(f"{result}: {line}")
     if labels:
@@ -383,6 +397,30 @@ def project(
     return 0
 
 
+def _has_white(mesh: Path) -> bool:
+    """Whether a mesh has a cortex between a pial and a white surface, as its sidecar says."""
+    from cortet.measure.layers import WHITE
+    from cortet.solver_files.sidecar import read_sidecar
+
+    return WHITE in ((read_sidecar(mesh).get("made_from") or {}).get("meshed") or {})
+
+
+def _in_columns(
+    found: SurfaceMap, mesh: Path, depth: Below | None, layer: int | None, *, equidistant: bool
+) -> ToSurface:
+    """What brings values from a depth or a layer of the cortex along its columns."""
+    from cortet.solver_files.laminar import Laminar
+    from cortet.solver_files.meshed import meshed_surface, parameters_of
+
+    columns = Laminar(found, meshed_surface(mesh, None, {})[0].inner, equivolumetric=not equidistant)
+    if layer is None:
+        assert depth is not None  # one of the two is given
+        return columns.weights(depth.first, depth.last)
+    if (layers := parameters_of(mesh).get("certify", {}).get("layers")) is None:
+        raise InputError("has no layers", file=mesh, remedy="mesh with --layers, or give --depth")
+    return columns.layer(layer, layers)
+
+
 def _millimetres(depth: Below, found: SurfaceMap, thickness: float | None, mesh: Path) -> DepthOfMap:
     """A depth of the command line in mm; one that is relative for each vertex."""
     if not depth.relative:
@@ -393,7 +431,8 @@ def _millimetres(depth: Below, found: SurfaceMap, thickness: float | None, mesh:
     elif (field := found.mesh.point_data.get("thickness")) is not None and field.ndim == 1:
         across = found.on_surface(field)
     else:
-        raise InputError("has no field thickness, which a relative depth needs", file=mesh, remedy="add --thickness MM")
+        remedy = "add --thickness MM, or make the mesh with an inner surface white"
+        raise InputError("has no field thickness, which a depth in % needs", file=mesh, remedy=remedy)
     return depth.first * across, depth.last * across
 
 

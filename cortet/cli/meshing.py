@@ -13,7 +13,18 @@ from cyclopts import App, Parameter
 import cortet
 from cortet.cli.meshes import print_verdict
 from cortet.cli.shared import MESHES, Configured, Writes, add
-from cortet.cli.values import InnerFiles, InputFile, MeshFile, NamedFiles, O, OutputFile, Picture, Sizes, number
+from cortet.cli.values import (
+    InnerFiles,
+    InputFile,
+    Layering,
+    MeshFile,
+    NamedFiles,
+    O,
+    OutputFile,
+    Picture,
+    Sizes,
+    number,
+)
 from cortet.errors import UsageError
 from cortet.formats import format_of, require_holes
 from cortet.formats.ownership import may_write, refuse_companion
@@ -126,6 +137,7 @@ def mesh(
     configured: Configured = Configured(),
     volume: NamedFiles = (),
     hole: Annotated[Sequence[str], Parameter(metavar="NAME")] = (),
+    layers: Layering | None = None,
     views: Views = Views(),
     how: Writes = Writes(),
 ) -> int:
@@ -141,6 +153,9 @@ def mesh(
         NIfTI or MGZ whose labels, values or tensors are transferred to tetrahedra; FILE:KIND selects which; repeatable.
     hole
         Leave the inner surface NAME empty, for example a ventricle; repeatable.
+    layers
+        Layers of the cortex around the inner surface white: their number, or their shares of its volume from the pial
+        surface on, 1,1,2.
 
     Examples
     --------
@@ -158,7 +173,7 @@ def mesh(
     if views.slices and not volume:
         raise UsageError("--slices needs a volume", remedy="give one: --volume NAME=FILE")
     # a file that cannot be written is refused before the work, and before files of an earlier run are deleted
-    config = load(configured.settings(line.size, hole))
+    config = load(configured.settings(line.size, hole, layers))
     require_holes(config.export.holes, format_of(output).name)
     given = line.inputs(surface, config, volume)
     inner = given.surface.inner

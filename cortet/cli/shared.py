@@ -76,7 +76,12 @@ class Configured:
     setting: Setting | None = None
     cell_size: CellSize | None = None
 
-    def settings(self, sizes: Iterable[tuple[str, float | None]] = (), holes: Sequence[str] = ()) -> dict[str, Any]:
+    def settings(
+        self,
+        sizes: Iterable[tuple[str, float | None]] = (),
+        holes: Sequence[str] = (),
+        layers: Sequence[float] | None = None,
+    ) -> dict[str, Any]:
         """The sections of the file; options of the command take precedence."""
         from cortet.api.given import sections as sections_of
 
@@ -87,6 +92,8 @@ class Configured:
             data = with_keys(data, "generate", sizes=dict(sizes))
         if holes:
             data = with_keys(data, "export", holes=list(holes))
+        if layers is not None:
+            data = with_keys(data, "export", layers=list(layers))
         return data
 
 

@@ -1,8 +1,9 @@
-"""Commands on surfaces: `gate`, `repair`, `resample`, `phantom`, `head`, `envelope`, `labels`."""
+"""Commands on surfaces: `gate`, `repair`, `resample`, `layers`, `phantom`, `head`, `envelope`, `labels`."""
 
 from __future__ import annotations
 
 import logging
+import statistics
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -11,7 +12,17 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, Parameter
 
 from cortet.cli.shared import SURFACES, Common, Writes, add
-from cortet.cli.values import FolderOfFiles, Hemisphere, InputFile, NamedFiles, O, SurfaceFile, number
+from cortet.cli.values import (
+    CellSize,
+    FolderOfFiles,
+    Hemisphere,
+    InputFile,
+    Layering,
+    NamedFiles,
+    O,
+    SurfaceFile,
+    number,
+)
 from cortet.errors import CortetError
 from cortet.formats.atomic import recorded
 from cortet.formats.ownership import may_write
@@ -26,7 +37,7 @@ Handles = Annotated[int, number(0, 10_000, "N", whole=True)]
 
 def add_commands(app: App) -> None:
     """Add the commands on surfaces."""
-    add(app, SURFACES, gate, repair, resample, envelope, labels, phantom, head)
+    add(app, SURFACES, gate, repair, resample, layers, envelope, labels, phantom, head)
 
 
 @Parameter(name="*")
@@ -359,6 +370,62 @@ def labels(
         write_surface(surface, files[own])
     print(*told, sep="\n")
     print(f"{', '.join(map(str, files.values()))}: written")
+    return 0
+
+
+def layers(
+    white: Annotated[Path, Parameter(name="WHITE")],
+    pial: Annotated[Path, Parameter(name="PIAL")],
+    /,
+    *,
+    layers: Layering,
+    output: Annotated[SurfaceFile, O],
+    equidistant: bool = False,
+    cell_size: CellSize | None = None,
+    _: Writes = Writes(),
+) -> int:
+    """Make the surfaces between layers of the cortex, along its columns.
+
+    The cortex is meshed for it. Each surface has the vertices and triangles of WHITE.
+
+    Parameters
+    ----------
+    layers
+        Their number, or their shares of the volume of the cortex from the pial surface on, 1,1,2.
+    output
+        GIfTI; NAME1.surf.gii and so on, the outermost first.
+    equidistant
+        Shares of the length of a column, not of its volume.
+    cell_size
+        Of the mesh (default: half the median thickness).
+
+    Examples
+    --------
+    cortet layers lh.white lh.pial --layers 4 -o lh.surf.gii
+    """
+    from cortet.api.meshing import mesh
+    from cortet.formats.gifti import read_surface, write_surface
+    from cortet.geometry.closest_point import closest_points, tree_of
+    from cortet.geometry.intersection import self_intersections
+    from cortet.measure.layers import bounds_of
+
+    depths = bounds_of(layers).tolist()
+    name = output.name.partition(".")[0]
+    files = [output.with_name(output.name.replace(name, f"{name}{number}", 1)) for number in range(1, len(depths) + 1)]
+    for file in files:
+        may_write(file)
+    if cell_size is None:
+        across = closest_points(tree_of(read_surface(pial)), read_surface(white).points).distances
+        cell_size = round(statistics.median(across.tolist()) / 2, 2)
+        print(f"cells of {cell_size:g} mm, half the median distance between the surfaces")
+    # the surfaces lie within 0.03 mm of those of a certified mesh, which takes three times as long
+    as_given = {stage: {"enabled": False} for stage in ("smooth_surface", "clean", "reconnect")}
+    made = mesh(pial, inner={"white": white}, cell_size=cell_size, settings=as_given)
+    surfaces = made.laminar_surfaces(depths, equivolumetric=not equidistant)
+    for depth, surface, file in zip(depths, surfaces, files, strict=True):
+        write_surface(surface, file)
+        crossing = len(self_intersections(surface))
+        print(f"{file}: depth {depth:.3f}" + (f", {crossing} triangles cross others" if crossing else ""))
     return 0
 
 

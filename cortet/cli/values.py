@@ -13,7 +13,7 @@ from cyclopts import Parameter, Token
 
 from cortet.errors import UsageError
 from cortet.formats import FORMATS, INSTEAD
-from cortet.geometry.limits import CELL_SIZE_MM, NAME
+from cortet.geometry.limits import CELL_SIZE_MM, MOST_LAYERS, NAME
 
 
 @dataclass(frozen=True)
@@ -153,6 +153,14 @@ def _formats(_: object, tokens: Sequence[Token]) -> list[str]:
     return list(dict.fromkeys(known[word] for word in words))
 
 
+def _layers(_: object, tokens: Sequence[Token]) -> list[float]:
+    """The share of each layer, from their number or from shares with commas between."""
+    first, *more = tokens[-1].value.split(",")
+    if not more:
+        return [1.0] * int(Number(1, MOST_LAYERS, whole=True).read(first))
+    return [Number(1e-6, 1e6).read(share) for share in (first, *more)]
+
+
 # Of a docstring help keeps the ends of lines, so longer help stands here.
 
 #: the option `-o`
@@ -166,11 +174,12 @@ Depth = Annotated[
         n_tokens=1,
         accepts_keys=False,
         metavar="MM",
-        help="Values this far below the surface, or means over a range, 1:3; with % parts of the thickness of the "
-        "cortex, 50% or 0:100% (default: on the surface).",
+        help="Values this far below the surface, or means over a range, 1:3; with % parts of the cortex, 50% or "
+        "0:100%, along its columns if the mesh has a white surface (default: on the surface).",
     ),
 ]
 TableFile = Annotated[OutputFile, _written("TSV", ".tsv")]
+Layering = Annotated[list[float], Parameter(converter=_layers, n_tokens=1, accepts_keys=False, metavar="N")]
 Picture = Annotated[OutputFile, _written("PNG", ".png", ".PNG")]
 MeshFile = Annotated[Path, Parameter(name="MESH")]
 InputFile = Annotated[Path, Parameter(metavar="FILE")]

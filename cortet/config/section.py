@@ -23,10 +23,11 @@ from pydantic import (
     field_validator,
 )
 
-from cortet.geometry.limits import CELL_SIZE_MM, SUBDIVISIONS
+from cortet.geometry.limits import CELL_SIZE_MM, MOST_LAYERS, SUBDIVISIONS
 
 __all__ = [
     "AsList",
+    "AsShares",
     "Boundary",
     "Cases",
     "CellSize",
@@ -45,6 +46,10 @@ def _as_list(value: Any) -> Any:
     return value if isinstance(value, (list, tuple)) else [value]
 
 
+def _shares(value: Any) -> Any:
+    return [1.0] * value if type(value) is int and 0 < value <= MOST_LAYERS else value
+
+
 def _takes_bool(annotation: Any) -> bool:
     """Whether a type is `bool`, or has it as a part."""
     return annotation is bool or any(map(_takes_bool, get_args(annotation)))
@@ -58,6 +63,8 @@ def _whole_micrometres(value: float) -> float:
 
 #: a single value means a list of one
 AsList = BeforeValidator(_as_list)
+#: a whole number means so many equal shares
+AsShares = BeforeValidator(_shares)
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Fraction = Annotated[float, Field(gt=0, le=1)]

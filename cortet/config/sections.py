@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
-from cortet.config.section import Fraction, NonNegativeInt, Positive, Section, Subdivisions, Threshold
+from pydantic import Field
+
+from cortet.config.section import AsShares, Fraction, NonNegativeInt, Positive, Section, Subdivisions, Threshold
 from cortet.formats import FORMATS
-from cortet.geometry.limits import LEAST_BANK_GAP
+from cortet.geometry.limits import LEAST_BANK_GAP, MOST_LAYERS
 
 TenNodeSolver = Literal["abaqus", "febio", "fenics", "gmsh", "vtu"]
 if TYPE_CHECKING:
@@ -140,6 +142,10 @@ class Export(Section):
     map: bool = False
     """true also writes the sparse matrices from the nodes of each mesh to the vertices of its input surface
     (.to_surface.npz) and back (.from_surface.npz), for scipy.sparse.load_npz."""
+    layers: Annotated[list[Positive], AsShares, Field(min_length=1, max_length=MOST_LAYERS)] | None = None
+    """Layers of a cortex around an inner surface `white`: their number, or the share of the volume of each from the
+    pial surface on, e.g. [1, 1, 2]. Files then have the sets layer_1, ..., and the fields column, thickness_mm, depth
+    and depth_equivolumetric. null: none."""
     label_shares: bool = False
     """true also writes the volume fraction of each label in each tetrahedron, for label volumes."""
     field_units: dict[str, str] = {}
@@ -154,6 +160,8 @@ class Export(Section):
         """
         layer = kind != "white" if self.cortex_layer is None else self.cortex_layer
         named = self.model_dump(mode="json", include={"cortex_depth", "cortex_thickness", "medial_wall", "tags"})
+        if self.layers is not None:
+            named["layers"] = self.layers
         return {**named, "cortex_layer": layer}
 
 

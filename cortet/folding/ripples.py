@@ -13,9 +13,9 @@ from scipy.sparse.linalg import splu
 
 from cortet.geometry.spheres import vertex_areas
 from cortet.geometry.topology import boundary_faces
+from cortet.measure.harmonic import harmonic
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.stages._harmonic import harmonic
 
 #: implicit steps of the flow of heat
 _STEPS = 4

@@ -27,6 +27,8 @@ FOLD_AGES = (20.0, 60.0)
 PHANTOM_AGES, THICKNESS_MM = (21.0, 38.0), (0.1, 10.0)
 #: distance of a shell from the brain, mm; and half the width of the grooves that it spans
 SHELL_MM, CLOSING_MM = (0.5, 50.0), 15.0
+#: layers of a cortex; laminar models have 3 to 20
+MOST_LAYERS = 100
 
 #: what the name of an inner surface or a volume must match: it stands in names of files and sets
 NAME = "[A-Za-z][A-Za-z0-9]*"

@@ -53,6 +53,7 @@ from cortet.measure.checks import (
     with_cell_size,
 )
 from cortet.measure.fidelity import Fidelity, fidelity
+from cortet.measure.layers import LayerRecord, layer_records
 from cortet.measure.lost import LostPlace, lost_places
 from cortet.measure.native import Native, native_record
 from cortet.measure.quality import QualitySummary, quality, signed_volumes, summarise
@@ -115,6 +116,8 @@ class Certificate:
     #: the regions of a mesh with inner surfaces; empty for a mesh of a single region
     regions: tuple[RegionRecord, ...]
     interfaces: tuple[InterfaceRecord, ...]
+    #: the layers of the cortex, if some are asked for
+    layers: tuple[LayerRecord, ...]
     #: `file` and `sha256` of the input surface
     input: dict[str, str]
     #: hash of the nodes and tetrahedra, which identifies the mesh
@@ -157,6 +160,7 @@ def certify(
     source: str | Path | None = None,
     parameters: Mapping[str, Any] | None = None,
     reports: Mapping[str, Any] | None = None,
+    layers: Sequence[float] | None = None,
 ) -> Certificate:
     """Check a mesh.
 
@@ -171,6 +175,7 @@ def certify(
     case : name of the case
     source : file of the input surface, which is identified by its hash
     parameters, reports : stage -> its parameters and its report; the topology that S1 reports is checked too
+    layers : of the cortex, as `measure.layers.bounds_of` takes them
 
     Raises
     ------
@@ -296,6 +301,7 @@ def certify(
         topology=topology,
         regions=regions,
         interfaces=interfaces,
+        layers=layer_records(mesh, surface.inner, layers),
         input={} if source is None else {"file": str(source), "sha256": input_sha256(source)},
         mesh_sha256=mesh_sha256(mesh),
         input_repaired=repaired,

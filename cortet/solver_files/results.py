@@ -25,7 +25,7 @@ from cortet.geometry.interpolation import is_label
 from cortet.geometry.topology import edges, used_vertices
 from cortet.meshes import IntArray, TetMesh
 from cortet.solver_files.fields import Q, with_q
-from cortet.solver_files.surface_map import Depth, SurfaceMap, ToSurface
+from cortet.solver_files.surface_map import ToSurface
 
 #: largest difference of the ratio of two extents from that of two units
 _SAME_EXTENT = 1e-3
@@ -155,9 +155,7 @@ class OnSurface(NamedTuple):
     told: list[str]
 
 
-def on_surface(
-    steps: Iterable[Step], found: SurfaceMap, *, file: Path, mesh_file: Path, depth: Depth | None = None
-) -> OnSurface:
+def on_surface(steps: Iterable[Step], weights: ToSurface, *, file: Path, mesh_file: Path) -> OnSurface:
     """All fields of a result at the vertices of the native surface, one number for each.
 
     A field with several numbers becomes `NAME_1`, `NAME_2` and so on. Of a tensor there are its principal values, its
@@ -167,14 +165,12 @@ def on_surface(
     Parameters
     ----------
     steps : of `read_result`
-    found : map of the mesh
-    depth : mm, as `SurfaceMap.weights`
+    weights : of `SurfaceMap.weights` or of `laminar.Laminar`
     """
-    mesh, order, last = found.mesh, None, None
+    mesh, order, last = weights.found.mesh, None, None
     times: list[float | None] = []
     done: list[OnSurface] = []
     told: dict[str, None] = {}  # an ordered set
-    weights = found.weights(depth)
     if missing := int((np.diff(weights.nodes.indptr) == 0).sum()):
         told[f"{missing:,} vertices have no value, NaN: their points are outside the mesh"] = None
     for given in steps:

@@ -23,8 +23,11 @@ from cortet.formats.tags import TOO_LARGE, region_numbers
 from cortet.formats.tags import regions as regions_of
 from cortet.geometry.closest_point import closer_than, closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, interfaces
+from cortet.measure.layers import bounds_of, can_have_layers, cortical_layers
 from cortet.meshes import AROUND, BRAIN, REGION, IntArray, MeshSets, TetMesh, is_brain, region_names
 
+#: names of the sets of layers begin so
+LAYER = "layer_"
 #: some solvers refuse longer names
 _LONGEST_NAME = 80
 
@@ -40,6 +43,7 @@ def named_sets(
     inner: Sequence[str] = (),
     tissues: Collection[str] = (),
     tags: str | None = None,
+    layers: Sequence[float] | None = None,
 ) -> TetMesh:
     """The mesh with its sets, which replace those that it had.
 
@@ -54,6 +58,7 @@ def named_sets(
     label_names : label field -> key -> name, if there are names
     tissues : integer fields of tetrahedra; each label is a set `FIELD_NAME`, or `FIELD_KEY` where it has no name
     tags : the field whose labels take the place of the regions (`tagged`)
+    layers : of the cortex, as `measure.layers.bounds_of` takes them; the mesh then gets their fields, too
     inner : names of the regions of the mesh from 2 on, if it has any. Each region is a set, and so are the faces
         between two. Region 1 is then the cortex, whatever its depth, and the others together are the core. If the
         brain is among them (`meshes.region_names`), region 1 lies around it, neither cortex nor core, and the boundary
@@ -116,9 +121,24 @@ def named_sets(
         for key in np.unique(mesh.cell_data[field]).tolist():
             same = np.flatnonzero(mesh.cell_data[field] == key).astype(np.int32)
             regions[_label_name(field, key, names, regions)] = same
+    if layers is not None and can_have_layers(inner):
+        mesh, of_layers = with_layers(mesh, inner, layers)
+        regions |= of_layers
     filled = {name: members for name, members in regions.items() if len(members)}
     named = replace(mesh, sets=MeshSets(sets.nodes, sets.faces, filled))
     return tagged(named, tags) if tags else named
+
+
+def with_layers(mesh: TetMesh, inner: Sequence[str], layers: Sequence[float]) -> tuple[TetMesh, dict[str, IntArray]]:
+    """A mesh with the fields of its layers, and the tetrahedra of each layer by the name of its set."""
+    bounds = bounds_of(layers)
+    found = cortical_layers(mesh, inner, bounds)
+    sets = {
+        f"{LAYER}{number}": np.flatnonzero(found.number == number).astype(np.int32)
+        for number in range(1, len(bounds) + 2)
+    }
+    of_nodes, of_cells = {**mesh.point_data, **found.of_nodes}, {**mesh.cell_data, **found.of_cells}
+    return replace(mesh, point_data=of_nodes, cell_data=of_cells), sets
 
 
 def tagged(mesh: TetMesh, field: str) -> TetMesh:

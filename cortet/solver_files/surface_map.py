@@ -51,7 +51,7 @@ class Located(NamedTuple):
     #: (k,) number of the vertex, and of the tetrahedron
     vertices: NDArray[np.integer]
     cells: IntArray
-    #: (k, 4) of the corners of the tetrahedron
+    #: (k, 4) of the corners of the tetrahedron; their sum is the weight of the point among those of its vertex
     weights: FloatArray
 
 
@@ -127,16 +127,7 @@ class SurfaceMap:
 
     def on_surface(self, values: NDArray[Any], depth: Depth | None = None) -> NDArray[Any]:
         """Values of the mesh at the vertices of the native surface: (v,) or (v, k), as `Mesh.to_surface`."""
-        weights = self.weights(depth)
-        if len(values) == len(self.mesh.points):
-            return weights.of_nodes(values)
-        if len(values) == len(self.mesh.cells):
-            return weights.of_cells(values)
-        raise InputError(
-            f"{len(values):,} values for a mesh of {len(self.mesh.points):,} nodes and {len(self.mesh.cells):,} "
-            "tetrahedra",
-            remedy="give one for each node or tetrahedron",
-        )
+        return self.weights(depth).of(values)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,9 +151,20 @@ class ToSurface:
     @cached_property
     def cells(self) -> csr_array:
         """(v, m) from tetrahedra: the value of the one that holds the point."""
-        cells = self.there.cells
         shape = (len(self.found.points), len(self.found.mesh.cells))
-        return _means(self.there.vertices, cells, np.ones(len(cells)), shape)
+        return _means(self.there.vertices, self.there.cells, self.there.weights.sum(axis=1), shape)
+
+    def of(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Values of nodes or of tetrahedra, as their number says, at the vertices: (v,) or (v, k)."""
+        mesh = self.found.mesh
+        if len(values) == len(mesh.points):
+            return self.of_nodes(values)
+        if len(values) == len(mesh.cells):
+            return self.of_cells(values)
+        raise InputError(
+            f"{len(values):,} values for a mesh of {len(mesh.points):,} nodes and {len(mesh.cells):,} tetrahedra",
+            remedy="give one for each node or tetrahedron",
+        )
 
     def of_nodes(self, values: NDArray[Any]) -> NDArray[Any]:
         """Values (n,) or (n, k) of nodes at the vertices."""

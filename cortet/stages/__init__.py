@@ -242,7 +242,8 @@ def record_of(config: Config, stage: str, facts: Mapping[str, Any]) -> dict[str,
 
 def certify_record(config: Config, cell_size: float) -> dict[str, Any]:
     """The limits of the certificate of a mesh and the version of its code, likewise."""
-    return {**config.certify.values(), "cell_size": cell_size, "version": version_of("measure.certify")}
+    layers = {} if config.export.layers is None else {"layers": config.export.layers}
+    return {**config.certify.values(), "cell_size": cell_size, **layers, "version": version_of("measure.certify")}
 
 
 def require_programs(config: Config) -> None:

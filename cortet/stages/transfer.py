@@ -15,8 +15,8 @@ from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.interpolation import at_triangles, is_label
 from cortet.geometry.nesting import sheets
 from cortet.geometry.topology import boundary_nodes, numbers, sheet
+from cortet.measure.harmonic import harmonic
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.stages._harmonic import harmonic
 
 VERSION: int = 1
 

@@ -165,7 +165,7 @@ def required(every: ArgumentCollection, but: Argument) -> Iterator[str]:
             value = (
                 str(kind.high)
                 if isinstance(kind, Number)
-                else (one.get_choices() or ["x.png" if one.parameter.metavar == "PNG" else "x.gii"])[0]
+                else (one.get_choices() or [{"PNG": "x.png", "N": "2"}.get(str(one.parameter.metavar), "x.gii")])[0]
             )
             yield from [*([] if one.field_info.is_positional else [one.name]), *[value] * one.token_count()[0]]
 

@@ -115,3 +115,20 @@ def ball_mesh(subdivisions: int = 2, radius: float = 1.0) -> TetMesh:
     volumes = signed_volumes(points, cells)
     cells[volumes < 0] = cells[volumes < 0][:, [1, 0, 2, 3]]
     return TetMesh(points, cells[np.abs(volumes) > 1e-6 * spacing**3])
+
+
+def shell_mesh(outer: float, inner: float, across: int, subdivisions: int = 3) -> TetMesh:
+    """The shell between two spheres of these radii, mm: prisms on the triangles of an icosphere, three cells each."""
+    ball = ball_surface(subdivisions, 1.0)
+    count = len(ball.points)
+    radii = np.linspace(inner, outer, across + 1)
+    points = np.concatenate([radius * ball.points for radius in radii])
+    low, middle, high = np.sort(ball.faces, axis=1).T  # so that prisms that share a side cut it alike
+    cells = []
+    for below in count * np.arange(across):
+        a, b, c, d, e, f = (corner + below + up for up in (0, count) for corner in (low, middle, high))
+        cells += [np.stack([a, b, c, f], 1), np.stack([a, b, e, f], 1), np.stack([a, d, e, f], 1)]
+    cells = np.concatenate(cells)
+    wrong = signed_volumes(points, cells) < 0
+    cells[wrong] = cells[wrong][:, [1, 0, 2, 3]]
+    return TetMesh(points, cells)

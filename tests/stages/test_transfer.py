@@ -10,8 +10,8 @@ from threadpoolctl import threadpool_limits
 
 from cortet.config.stages import Generate, Transfer
 from cortet.geometry.topology import boundary_nodes
+from cortet.measure.harmonic import harmonic
 from cortet.meshes import TetMesh, TriSurface
-from cortet.stages._harmonic import harmonic
 from cortet.stages.generate import generate
 from cortet.stages.transfer import transfer
 

@@ -1,0 +1,84 @@
+"""Layers of a cortex between two spheres, whose volumes are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+import pyvista
+from shapes import shell_mesh
+
+from cortet.errors import InputError
+from cortet.formats import abaqus, vtu
+from cortet.measure.layers import COLUMN, DEPTH, EQUIVOLUMETRIC, THICKNESS, bounds_of, cortical_layers, layer_records
+from cortet.meshes import REGION, TetMesh
+from cortet.solver_files.sets import named_sets
+
+OUTER, WHITE = 23.0, 20.0
+
+
+def head(across: int = 3) -> TetMesh:
+    """A cortex of 3 mm around white matter, which is hollow."""
+    mesh = shell_mesh(OUTER, WHITE - 3.0, 2 * across)
+    centres = np.linalg.norm(mesh.points[mesh.cells].mean(axis=1), axis=1)
+    return replace(mesh, cell_data={REGION: np.where(centres > WHITE * 0.995, 1, 2).astype(np.int32)})
+
+
+def test_bounds_are_shares_of_the_volume():
+    assert bounds_of([1] * 4).tolist() == [0.25, 0.5, 0.75]
+    assert bounds_of([1, 1, 2]).tolist() == [0.25, 0.5]
+
+
+def test_layers_share_the_volume_of_the_cortex_as_asked():
+    records = layer_records(head(6), ["white"], [1, 2])
+    volume = 4 / 3 * np.pi * (OUTER**3 - WHITE**3) / 1000
+    assert [record.number for record in records] == [1, 2], "the whole cortex has layers"
+    assert sum(record.volume_ml for record in records) == pytest.approx(volume, rel=0.02)
+    assert [record.volume_ml / volume for record in records] == pytest.approx([1 / 3, 2 / 3], abs=0.05)
+    assert 0 < records[0].cut < 0.6 and records[0].depth == (0.0, pytest.approx(1 / 3))
+
+
+def test_depth_is_0_outside_and_1_inside_and_fields_are_finite_everywhere():
+    mesh = head()
+    found = cortical_layers(mesh, ["white"], bounds_of([1, 1]))
+    radius = np.linalg.norm(mesh.points, axis=1)
+    cortex, inside = radius > WHITE + 1e-6, radius < WHITE - 1e-6
+    assert np.abs(found.of_nodes[THICKNESS][cortex] - 3).max() < 0.05
+    assert (found.of_nodes[THICKNESS][inside] == 0).all()
+    for name in (DEPTH, EQUIVOLUMETRIC):
+        assert (found.of_nodes[name][inside] == 1).all()
+        assert found.of_nodes[name][radius > OUTER - 1e-6] == pytest.approx(0, abs=1e-9)
+        assert found.of_nodes[name].min() >= 0 and found.of_nodes[name].max() <= 1
+    length = np.linalg.norm(found.of_cells[COLUMN], axis=1)
+    assert length[mesh.cell_data[REGION] == 1] == pytest.approx(1) and (length[mesh.cell_data[REGION] == 2] == 0).all()
+    assert all(np.isfinite(values).all() for values in (*found.of_nodes.values(), *found.of_cells.values()))
+    assert set(np.unique(found.number[mesh.cell_data[REGION] == 2])) == {0}
+
+
+def test_a_cortex_thinner_than_half_an_edge_has_no_layers():
+    mesh = shell_mesh(OUTER, WHITE, 6)
+    thin = replace(mesh, cell_data={REGION: np.where(np.arange(len(mesh.cells)) < 5 * len(mesh.cells) // 6, 2, 1)})
+    (record,) = [one for one in layer_records(thin, ["white"], [1, 1]) if one.tetrahedra]
+    assert record.number == 0 and record.tetrahedra == len(mesh.cells) // 6
+
+
+def test_a_mesh_without_white_surface_has_none():
+    assert layer_records(head(), ["ventricle"], [1, 1]) == ()
+    with pytest.raises(InputError, match="white"):
+        cortical_layers(head(), ["ventricle"], bounds_of([1, 1, 1]))
+
+
+def test_sets_and_fields_of_layers_are_read_by_other_programs(tmp_path: Path):
+    mesh = named_sets(head(), inner=["white"], layers=[1, 1, 1])
+    sets = {name: cells for name, cells in mesh.sets.cells.items() if name.startswith("layer_")}
+    assert list(sets) == ["layer_1", "layer_2", "layer_3"]
+    vtu.write(mesh, tmp_path / "x.vtu")
+    abaqus.write(mesh, tmp_path / "x.inp")
+    grid = pyvista.read(tmp_path / "x.vtu")
+    assert {COLUMN, THICKNESS, DEPTH, EQUIVOLUMETRIC} <= {*grid.point_data} & {*grid.cell_data}
+    ours, theirs = vtu.read(tmp_path / "x.vtu").sets.cells, meshio.read(tmp_path / "x.inp").cell_sets
+    for name, cells in sets.items():
+        assert np.array_equal(ours[name], cells) and np.array_equal(np.concatenate(theirs[name]), cells)
