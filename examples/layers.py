@@ -15,7 +15,7 @@ for layer in made.certificate.layers:
 # the field of a point source 4 mm above the top, in V/m for 1 mA in a conductor of 0.33 S/m
 grid = made.to_pyvista()
 top = pial.points[pial.points[:, 2].argmax()]
-way = made.points - (top + [0, 0, 4])
+way = made.points - top - [0, 0, 4]
 field = 1e-3 / (4 * np.pi * 0.33) * way / np.linalg.norm(way, axis=1, keepdims=True) ** 3 * 1e6
 along = np.einsum("nc,nc->n", field, grid.point_data["column"])
 depths = np.linspace(0.05, 0.95, 19)
@@ -27,7 +27,9 @@ x, z, triangles = cut.points[:, 0], cut.points[:, 2], cut.faces.reshape(-1, 4)[:
 cortex = cut.cell_data["region"] == 1
 section.tripcolor(x, z, triangles[~cortex], facecolors=np.zeros((~cortex).sum()), cmap="Greys", vmin=-1, vmax=4)
 depth = cut.point_data["depth_equivolumetric"]
-section.tricontourf(x, z, triangles[cortex], depth, levels=[0, 1 / 3, 2 / 3, 1], colors=["#fde725", "#21918c", "#440154"])
+section.tricontourf(
+    x, z, triangles[cortex], depth, levels=[0, 1 / 3, 2 / 3, 1], colors=["#fde725", "#21918c", "#440154"]
+)
 paths = np.stack([surface.points for surface in made.laminar_surfaces(np.linspace(0, 1, 21))])
 near = np.abs(paths[:, :, 1] - top[1]).max(axis=0) < 0.5  # columns in the plane
 section.plot(paths[:, near, 0], paths[:, near, 2], color="white", linewidth=0.8)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from cortet.formats.tables import headed
+from cortet.formats.tables import Column, headed
 from cortet.geometry.mending import measurable
 from cortet.geometry.topology import surface_topology
 from cortet.meshes import TetMesh, TriSurface, region_names
@@ -38,6 +38,21 @@ _NOT_FINITE = "The coordinates of the surface are not finite, so it cannot be dr
 NOTHING: Mapping[str, str] = MappingProxyType({})
 #: entries of `ELEMENTS` at the top of the page
 _SIZE = ("Nodes", "Tetrahedra")
+
+
+#: columns of the table of layers: the fields of `measure.layers.LayerRecord`
+LAYER_COLUMNS = (
+    Column("number", "1 is the outermost", heading="layer", form=lambda row: str(row["number"] or "none")),
+    Column(
+        "depth",
+        "Equivolumetric depths between which it lies",
+        heading="depth",
+        form=lambda row: "{:.3f} to {:.3f}".format(*row["depth"]),
+    ),
+    Column("tetrahedra", "Number of its tetrahedra", heading="tetrahedra", form=",.0f"),
+    Column("volume_ml", "Their volume", units="mL", heading="volume, mL", form=".3f"),
+    Column("cut", "Share of them that a bound of the layer passes through", heading="cut", form=".1%"),
+)
 
 
 class Checked(NamedTuple):
@@ -168,6 +183,7 @@ def _panels(of: Checked) -> list[Panel]:
         Panel("reasons", "Why it is not certified", [("points", reasons)] if reasons else []),
         Panel("remarks", "What became of the surfaces", [("points", remarks)] if remarks else []),
         Panel("sections", "Sections", _sections(of)),
+        Panel("layers", "Layers of the cortex", _layers(of)),
         Panel("pictures", "Surface and mesh", _surface_and_mesh(of)),
         Panel("tissues", "In the volume", _tissues(of)),
         Panel("resampled", "On the common mesh", _resampled(of)),
@@ -194,6 +210,15 @@ def _sections(of: Checked) -> list[Part]:
         caption = "Slices of the image through the middle of the mesh, and on them the sections through its tetrahedra"
         return [("maps", [pictures.captioned(pictures.png(of.slices), caption)])]
     return pictures.shown(lambda: pictures.of_sections(of.mesh, region_names(of.meshed.inner)))
+
+
+def _layers(of: Checked) -> list[Part]:
+    """The layers that the certificate has, and a section through them."""
+    if not (layers := of.certificate.get("layers")):
+        return []
+    inner, bounds = of.meshed.inner, np.array([layer["depth"][1] for layer in layers if layer["number"]][:-1])
+    table = pages.table("Layers, from the pial to the white surface", headed(LAYER_COLUMNS), layers)
+    return [table, *pictures.shown(lambda: pictures.of_layers(of.mesh, inner, bounds))]
 
 
 def _tissues(of: Checked) -> list[Part]:

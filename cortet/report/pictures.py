@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Literal
 
 import matplotlib.image
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
 from cortet.errors import StageError
 from cortet.geometry.mending import measurable
 from cortet.geometry.topology import boundary_surface, sheet, surface_topology
+from cortet.measure.layers import cortical_layers
 from cortet.measure.lost import distances_to
 from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface
 from cortet.report import pages
 from cortet.report.boundary_view import colour_scale
-from cortet.report.colours import COLOUR_NAMES
+from cortet.report.colours import COLOUR_NAMES, LIGHT_GREY
 from cortet.report.pages import SIDES
 from cortet.report.render import cut_view, surface_view, webp
 from cortet.report.slices import PLANES, middle_of, section, where
@@ -94,6 +97,16 @@ def of_sections(mesh: TetMesh, names: list[str]) -> list[Picture]:
         caption = f"{plane.capitalize()}, {where(across, position)}{regions}"
         shown.append(captioned(section(mesh, plane, position), caption))
     return shown
+
+
+def of_layers(mesh: TetMesh, inner: Iterable[str], bounds: FloatArray) -> list[Picture]:
+    """The coronal section through the middle of the mesh, its tetrahedra in the colours of their layers."""
+    number = cortical_layers(mesh, inner, bounds).number
+    layers = colormaps["viridis_r"](np.linspace(0, 1, len(bounds) + 1))[:, :3]
+    colours = np.vstack([to_rgb(LIGHT_GREY), layers])[number]
+    position = middle_of(mesh, "coronal")
+    caption = f"Coronal, {where(PLANES['coronal'][0], position)}; layer 1 yellow, layer {len(layers)} violet, rest grey"
+    return [captioned(section(mesh, "coronal", position, colours), caption)]
 
 
 def _of_inner(mesh: TetMesh, meshed: TriSurface) -> list[Picture]:

@@ -97,24 +97,35 @@ def middle_of(mesh: TetMesh, plane: str) -> float:
     return float(along.min() + along.max()) / 2
 
 
-def draw_section(axes: Axes, mesh: TetMesh, plane: str, position: float) -> None:
-    """Draw the section of a mesh by a plane of `PLANES`: tetrahedra in the colours of their regions; axes in mm."""
+def draw_section(axes: Axes, mesh: TetMesh, plane: str, position: float, colours: FloatArray | None = None) -> None:
+    """Draw the section of a mesh by a plane of `PLANES`; axes in mm.
+
+    Parameters
+    ----------
+    colours : (m, 3) of tetrahedra; None: those of their regions
+    """
     across, right, up = PLANES[plane]
-    region = np.asarray(mesh.cell_data.get(REGION, np.ones(len(mesh.cells))), int)
-    fills = np.array([to_rgb(colour) for colour in (REGION_COLOURS if REGION in mesh.cell_data else [GREY])])
     polygons, cell = cut(mesh.points, mesh.cells, across, position)
     flat = [polygon[:, [right, up]] for polygon in polygons]
-    fill = fills[(region[cell] - 1) % len(fills)]
+    fill = (_of_regions(mesh) if colours is None else colours)[cell]
     axes.add_collection(PolyCollection(flat, facecolors=fill, edgecolors=_DARK * fill, linewidths=_LINE))
     axes.autoscale_view()
     axes.set(aspect="equal", xlabel=_AXES[right], ylabel=_AXES[up])
 
 
-def section(mesh: TetMesh, plane: str, position: float) -> NDArray[np.uint8]:
+def _of_regions(mesh: TetMesh) -> FloatArray:
+    """The colour of each tetrahedron by its region: (m, 3)."""
+    if REGION not in mesh.cell_data:
+        return np.tile(to_rgb(GREY), (len(mesh.cells), 1))
+    fills = np.array([to_rgb(colour) for colour in REGION_COLOURS])
+    return fills[(np.asarray(mesh.cell_data[REGION], int) - 1) % len(fills)]
+
+
+def section(mesh: TetMesh, plane: str, position: float, colours: FloatArray | None = None) -> NDArray[np.uint8]:
     """The picture of a section, as `draw_section` draws it: (height, width, 4)."""
     figure = Figure(figsize=(_SECTION, _SECTION), dpi=_DPI, layout="constrained")
     canvas = FigureCanvasAgg(figure)
-    draw_section(figure.subplots(), mesh, plane, position)
+    draw_section(figure.subplots(), mesh, plane, position, colours)
     canvas.draw()
     return np.asarray(canvas.buffer_rgba())
 
