@@ -328,8 +328,7 @@ def project(
     layer
         Means over layer N of a mesh that was made with --layers; 1 is the outermost.
     thickness
-        Of the cortex, for depths in % below the surface of a mesh without white surface (default: field thickness of
-        the mesh).
+        Of the cortex, for depths in % of a mesh without a white surface (default: its field thickness).
     surface
         Surface to project onto (default: from the sidecar of the mesh).
     parcels

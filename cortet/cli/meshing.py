@@ -154,8 +154,7 @@ def mesh(
     hole
         Leave the inner surface NAME empty, for example a ventricle; repeatable.
     layers
-        Layers of the cortex around the inner surface white: their number, or their shares of its volume from the pial
-        surface on, 1,1,2.
+        Layers of the cortex around white: their number, or their shares of its volume, pial first, 1,1,2.
 
     Examples
     --------

@@ -391,7 +391,7 @@ def layers(
     Parameters
     ----------
     layers
-        Their number, or their shares of the volume of the cortex from the pial surface on, 1,1,2.
+        Their number, or their shares of the volume of the cortex, pial first, 1,1,2.
     output
         GIfTI; NAME1.surf.gii and so on, the outermost first.
     equidistant

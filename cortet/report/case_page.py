@@ -42,13 +42,8 @@ _SIZE = ("Nodes", "Tetrahedra")
 
 #: columns of the table of layers: the fields of `measure.layers.LayerRecord`
 LAYER_COLUMNS = (
-    Column("number", "1 is the outermost", heading="layer", form=lambda row: str(row["number"] or "none")),
-    Column(
-        "depth",
-        "Equivolumetric depths between which it lies",
-        heading="depth",
-        form=lambda row: "{:.3f} to {:.3f}".format(*row["depth"]),
-    ),
+    Column("number", "1 is the outermost", heading="layer"),
+    Column("depth", "Equivolumetric depths between which it lies", heading="depth"),
     Column("tetrahedra", "Number of its tetrahedra", heading="tetrahedra", form=",.0f"),
     Column("volume_ml", "Their volume", units="mL", heading="volume, mL", form=".3f"),
     Column("cut", "Share of them that a bound of the layer passes through", heading="cut", form=".1%"),
@@ -216,8 +211,16 @@ def _layers(of: Checked) -> list[Part]:
     """The layers that the certificate has, and a section through them."""
     if not (layers := of.certificate.get("layers")):
         return []
+    rows = [
+        {
+            **layer,
+            "number": str(layer["number"] or "none, where the surfaces meet"),
+            "depth": "{:.3f} to {:.3f}".format(*layer["depth"]),
+        }
+        for layer in layers
+    ]
     inner, bounds = of.meshed.inner, np.array([layer["depth"][1] for layer in layers if layer["number"]][:-1])
-    table = pages.table("Layers, from the pial to the white surface", headed(LAYER_COLUMNS), layers)
+    table = pages.table("Layers, from the pial to the white surface", headed(LAYER_COLUMNS), rows)
     return [table, *pictures.shown(lambda: pictures.of_layers(of.mesh, inner, bounds))]
 
 

@@ -105,7 +105,8 @@ def of_layers(mesh: TetMesh, inner: Iterable[str], bounds: FloatArray) -> list[P
     layers = colormaps["viridis_r"](np.linspace(0, 1, len(bounds) + 1))[:, :3]
     colours = np.vstack([to_rgb(LIGHT_GREY), layers])[number]
     position = middle_of(mesh, "coronal")
-    caption = f"Coronal, {where(PLANES['coronal'][0], position)}; layer 1 yellow, layer {len(layers)} violet, rest grey"
+    last = f", layer {len(layers)} violet" if len(layers) > 1 else ""
+    caption = f"Coronal, {where(PLANES['coronal'][0], position)}; layer 1 yellow{last}, the rest grey"
     return [captioned(section(mesh, "coronal", position, colours), caption)]
 
 
