@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 import PIL.Image
 import pytest
-from shapes import ball_mesh, ball_surface
+from shapes import ball_mesh, ball_surface, shell_mesh
 
 from cortet.config.sections import Certify
 from cortet.config.stages import Resample
 from cortet.measure.certify import certify
-from cortet.meshes import TriSurface
+from cortet.measure.layers import layer_records
+from cortet.meshes import REGION, TriSurface
 from cortet.report.case_page import Checked, about, write_case_page, write_failure_page
 from cortet.report.pages import embedded
 from cortet.report.pictures import thumbnail
@@ -58,6 +59,18 @@ def case_page(
 ) -> str:
     write_case_page(Checked(MESH, given, meshed, certificate, files), folder / "a.html", **more)
     return (folder / "a.html").read_text(encoding="utf-8")
+
+
+def test_layers_are_listed_and_drawn(tmp_path, certificate):
+    mesh = shell_mesh(23.0, 17.0, 4, 2)
+    centres = np.linalg.norm(mesh.points[mesh.cells].mean(axis=1), axis=1)
+    mesh = replace(mesh, cell_data={REGION: np.where(centres > 19.9, 1, 2).astype(np.int32)})
+    layers = [asdict(layer) for layer in layer_records(mesh, ["white"], [1, 1])]
+    meshed = replace(SURFACE, inner={"white": SURFACE})
+    write_case_page(Checked(mesh, SURFACE, meshed, {**certificate, "layers": layers}), tmp_path / "a.html")
+    shown = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "Layers of the cortex" in shown and "0.000 to 0.500" in shown and f"{layers[0]['volume_ml']:.3f}" in shown
+    assert "layer 1 yellow, layer 2 violet" in shown
 
 
 def failure_page(folder: Path, surface: TriSurface | None = None, **more: Any) -> str:
