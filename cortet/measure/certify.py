@@ -287,7 +287,7 @@ def certify(
         case=case,
         certified=all(check.passed for check in checks),
         reasons=tuple(_reason(check, places.get(check.id, "")) for check in checks if not check.passed),
-        remarks=remarks(reports, parameters or {}, regions, cell_size),
+        remarks=remarks(reports, parameters or {}, regions, cell_size, len(layers or ())),
         checks=checks,
         worst_elements=worst,
         valence_bound=valence_bound(around),

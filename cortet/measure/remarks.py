@@ -20,6 +20,7 @@ def remarks(
     parameters: Mapping[str, Any],
     regions: Sequence[RegionRecord] = (),
     cell_size: float | None = None,
+    layers: int = 0,
 ) -> tuple[str, ...]:
     """Sentences on repairs and on inner surfaces that gave way, where they went far; and on a cortex of few elements.
 
@@ -28,8 +29,10 @@ def remarks(
     reports, parameters : of the stages, as a certificate has them
     regions : of the mesh
     cell_size : mm
+    layers : number of layers of the cortex
     """
-    return (*_repairs(reports.get("repair") or {}), *_gaps(reports, parameters), *_coarse(regions, cell_size))
+    few = _coarse(regions, cell_size, layers)
+    return (*_repairs(reports.get("repair") or {}), *_gaps(reports, parameters), *few)
 
 
 def _repairs(report: Mapping[str, Any]) -> Iterator[str]:
@@ -40,12 +43,15 @@ def _repairs(report: Mapping[str, Any]) -> Iterator[str]:
             yield f"repair changed the volume of {name} by {change:+.1%}"
 
 
-def _coarse(regions: Sequence[RegionRecord], cell_size: float | None) -> Iterator[str]:
+def _coarse(regions: Sequence[RegionRecord], cell_size: float | None, layers: int) -> Iterator[str]:
     for region in regions:
         across = region.edges_across
-        if region.name == OUTERMOST and across and across.median < _ACROSS:
-            fine = f"; {cell_size * across.median / _ACROSS:.2g} mm is small enough for {_ACROSS}" if cell_size else ""
-            yield f"the {OUTERMOST} has a median of {across.median:g} elements across, too few for mechanics{fine}"
+        if region.name != OUTERMOST or not across:
+            continue
+        for least, purpose in ((_ACROSS, "mechanics"), (layers, f"{layers} layers")):
+            if across.median < least:
+                fine = f"; {cell_size * across.median / least:.2g} mm is small enough for {least}" if cell_size else ""
+                yield f"the {OUTERMOST} has a median of {across.median:g} elements across, too few for {purpose}{fine}"
 
 
 def _gaps(reports: Mapping[str, Any], parameters: Mapping[str, Any]) -> Iterator[str]:

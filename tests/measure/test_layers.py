@@ -14,6 +14,8 @@ from shapes import shell_mesh
 from cortet.errors import InputError
 from cortet.formats import abaqus, vtu
 from cortet.measure.layers import COLUMN, DEPTH, EQUIVOLUMETRIC, THICKNESS, bounds_of, cortical_layers, layer_records
+from cortet.measure.regions import Across, RegionRecord
+from cortet.measure.remarks import remarks
 from cortet.meshes import REGION, TetMesh
 from cortet.solver_files.sets import named_sets
 
@@ -63,6 +65,13 @@ def test_a_cortex_thinner_than_half_an_edge_has_no_layers():
     thin = replace(mesh, cell_data={REGION: np.where(np.arange(len(mesh.cells)) < 5 * len(mesh.cells) // 6, 2, 1)})
     (record,) = [one for one in layer_records(thin, ["white"], [1, 1]) if one.tetrahedra]
     assert record.number == 0 and record.tetrahedra == len(mesh.cells) // 6
+
+
+def test_a_cortex_with_fewer_elements_across_than_layers_is_remarked_on():
+    region = RegionRecord("cortex", 1, 1000, 1.0, 0.0, 0.1, 0.3, Across(1, 2.0, 2.0))
+    assert remarks({}, {}, [region], 1.2, 2) == ()
+    (remark,) = remarks({}, {}, [region], 1.2, 4)
+    assert "4 layers" in remark and "0.6 mm" in remark
 
 
 def test_a_mesh_without_white_surface_has_none():
