@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,6 +16,7 @@ from cortet.formats.gifti import read_surface
 from cortet.measure.certify import Certificate
 from cortet.measure.certify import certify as checked
 from cortet.meshes import TetMesh, TriSurface
+from cortet.solver_files.sidecar import read_sidecar
 from cortet.stages.repair import repair as mended
 from cortet.stages.separate import separate
 
@@ -74,7 +75,15 @@ def certify(
         case=Path(made).stem if isinstance(made, str | Path) else "",
         source=source,
         parameters={"certify": {**config.certify.values(), "cell_size": size}},
+        layers=_layers_of(made),
     )
+
+
+def _layers_of(made: TetMesh | Mesh | str | Path) -> Sequence[float] | None:
+    """The layers that a mesh was made with, as far as that is known."""
+    if isinstance(made, str | Path):
+        return (read_sidecar(Path(made)).get("made_from") or {}).get("layers")
+    return None if isinstance(made, TetMesh) else made.config.export.layers
 
 
 @short_traceback

@@ -184,7 +184,7 @@ class Mesh:
         >>> profile = head.laminar_profile(field, [0.1, 0.3, 0.5, 0.7, 0.9])
         """
         laminar, given = self._laminar(region, equivolumetric), values_of(values)
-        return np.stack([laminar.weights(depth).of(given) for depth in depths], axis=1)
+        return np.stack([laminar.weights(depth).of(given) for depth in _depths(depths)], axis=1)
 
     @short_traceback
     def laminar_surfaces(
@@ -200,7 +200,7 @@ class Mesh:
         region : inside the surface whose vertices are moved along the columns
         """
         found, laminar = self.surface_map(region), self._laminar(region, equivolumetric)
-        native, every = replace(found.native, point_data={}), map(laminar.points, depths)
+        native, every = replace(found.native, point_data={}), map(laminar.points, _depths(depths))
         return [replace(native, points=np.where(np.isfinite(points), points, found.points)) for points in every]
 
     def _laminar(self, region: str | None, equivolumetric: bool) -> Laminar:
@@ -514,7 +514,7 @@ def inputs(
     others = {name: surface(one, finite=finite) for name, one in _others(inner).items()}
     whole = nested(outer, {**within.surfaces, **others})
     if config.export.layers is not None:
-        require_layers(whole.inner)
+        require_layers(whole)
     known = {name: within.files[name] for name in whole.inner if name in within.files}
     region_files = {} if source is None else by_region(source, known)
     if shell is not None:
@@ -555,6 +555,17 @@ def inputs(
         background,
         said=[*within.told, *(one.sentence for one in background)],
     )
+
+
+def _depths(given: Sequence[float]) -> list[float]:
+    """Depths in the cortex; InputError if there is none, or one is no number from 0 to 1."""
+    try:
+        depths = [float(depth) for depth in given]
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{given!r} are no depths", remedy="give numbers from 0 to 1") from error
+    if not depths:
+        raise InputError("no depth is given", remedy="give numbers from 0 to 1")
+    return depths
 
 
 def _file(given: Any) -> str | Path | None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json as json_format
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
     from cortet.measure.certify import Certificate
     from cortet.meshes import TriSurface
+    from cortet.solver_files.laminar import Laminar
     from cortet.solver_files.surface_map import Depth as DepthOfMap
     from cortet.solver_files.surface_map import SurfaceMap, ToSurface
 
@@ -348,14 +349,20 @@ def project(
     from cortet.formats.ownership import may_write
     from cortet.formats.tsv import write_tsv
     from cortet.geometry.interpolation import applied
+    from cortet.measure.layers import cortex_and_white
     from cortet.solver_files.common_sphere import onto_common, read_parcels
+    from cortet.solver_files.laminar import Laminar
     from cortet.solver_files.results import on_surface, read_result
     from cortet.solver_files.sidecar import read_sidecar
     from cortet.solver_files.surface_map import map_of_file
     from cortet.stages.resample import common_sphere
 
-    if layer is not None and (depth is not None or equidistant):
-        raise InputError("a layer has its own depths", remedy="leave --depth and --equidistant out, or --layer")
+    relative = depth is not None and depth.relative
+    if layer is not None and (depth, thickness, equidistant) != (None, None, False):
+        raise InputError("a layer has its own depths", remedy="give --layer alone, or --depth")
+    if equidistant and (not relative or thickness is not None):
+        what = "--equidistant says how a depth in % is measured along the columns of the cortex"
+        raise InputError(what, remedy="give --depth in %, without --thickness")
     if (sphere is None) != (template_sphere is None):
         raise InputError("one sphere is missing", remedy="give both --sphere and --template-sphere, or none")
     table = output.with_name(f"{output.stem.removesuffix('.func')}.parcels.tsv")
@@ -364,19 +371,23 @@ def project(
     content = tetrahedra(mesh)
     found, file, how = map_of_file(mesh, content, surface)
     print(f"{file}: {how}")
-    hemisphere = (read_sidecar(mesh).get("made_from") or {}).get("hemisphere") or hemisphere_of(file)
+    made_from = read_sidecar(mesh).get("made_from") or {}
+    hemisphere = made_from.get("hemisphere") or hemisphere_of(file)
     for one in filter(None, (file, parcels, sphere, template_sphere)):
         require_same_hemisphere(one, hemisphere)
     labels = read_parcels(parcels, found.native) if parcels else None
     weights = None
     if sphere and template_sphere:
         weights = onto_common(found.native, sphere, common_sphere(Resample(template=str(template_sphere))))
-    if layer is not None or (depth and depth.relative and thickness is None and _has_white(mesh)):
-        there = _in_columns(found, mesh, depth, layer, equidistant=equidistant)
-    elif equidistant:
-        raise InputError("only depths in % of a mesh with a white surface can be equidistant", file=mesh)
+    inner = list(made_from.get("meshed") or {})[1:]
+    if layer is not None or (relative and thickness is None and cortex_and_white(content, inner)):
+        columns = Laminar(found, inner, equivolumetric=not equidistant)
+        there = columns.weights(depth.first, depth.last) if depth else _layer(columns, layer, made_from, mesh)
+        print("depths along the columns of the cortex")
     else:
         there = found.weights(_millimetres(depth, found, thickness, mesh) if depth else None)
+        if depth:
+            print("depths straight below the surface")
     fields, whole, told = on_surface(read_result(result), there, file=result, mesh_file=mesh)
     for line in told:
         print(f"{result}: {line}")
@@ -396,27 +407,10 @@ def project(
     return 0
 
 
-def _has_white(mesh: Path) -> bool:
-    """Whether a mesh has a cortex between a pial and a white surface, as its sidecar says."""
-    from cortet.measure.layers import WHITE
-    from cortet.solver_files.sidecar import read_sidecar
-
-    return WHITE in ((read_sidecar(mesh).get("made_from") or {}).get("meshed") or {})
-
-
-def _in_columns(
-    found: SurfaceMap, mesh: Path, depth: Below | None, layer: int | None, *, equidistant: bool
-) -> ToSurface:
-    """What brings values from a depth or a layer of the cortex along its columns."""
-    from cortet.solver_files.laminar import Laminar
-    from cortet.solver_files.meshed import meshed_surface, parameters_of
-
-    columns = Laminar(found, meshed_surface(mesh, None, {})[0].inner, equivolumetric=not equidistant)
-    if layer is None:
-        assert depth is not None  # one of the two is given
-        return columns.weights(depth.first, depth.last)
-    if (layers := parameters_of(mesh).get("certify", {}).get("layers")) is None:
-        raise InputError("has no layers", file=mesh, remedy="mesh with --layers, or give --depth")
+def _layer(columns: Laminar, layer: int | None, made_from: Mapping[str, Any], mesh: Path) -> ToSurface:
+    """What brings means over a layer to the vertices."""
+    if layer is None or not (layers := made_from.get("layers")):
+        raise InputError("has no layers, by its sidecar", file=mesh, remedy="mesh with --layers, or give --depth")
     return columns.layer(layer, layers)
 
 

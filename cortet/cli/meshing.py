@@ -154,7 +154,7 @@ def mesh(
     hole
         Leave the inner surface NAME empty, for example a ventricle; repeatable.
     layers
-        Layers of the cortex around white: their number, or their shares of its volume, pial first, 1,1,2.
+        Number of layers of the cortex, or their shares of its volume, pial first, 1,1,2; needs an inner surface white.
 
     Examples
     --------

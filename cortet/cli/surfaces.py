@@ -23,7 +23,7 @@ from cortet.cli.values import (
     SurfaceFile,
     number,
 )
-from cortet.errors import CortetError
+from cortet.errors import CortetError, InputError
 from cortet.formats.atomic import recorded
 from cortet.formats.ownership import may_write
 from cortet.geometry.limits import CLOSING_MM, PHANTOM_AGES, SHELL_MM, SUBDIVISIONS, THICKNESS_MM
@@ -390,14 +390,18 @@ def layers(
 
     Parameters
     ----------
+    white
+        Inner surface of the cortex.
+    pial
+        Outer surface of the cortex.
     layers
-        Their number, or their shares of the volume of the cortex, pial first, 1,1,2.
+        Number of layers, or the share of each of the volume of the cortex, pial first, 1,1,2.
     output
-        GIfTI; NAME1.surf.gii and so on, the outermost first.
+        GIfTI; a surface less than there are layers, NAME1.surf.gii and so on, the outermost first.
     equidistant
-        Shares of the length of a column, not of its volume.
+        Divide the length of each column, not its volume.
     cell_size
-        Of the mesh (default: half the median thickness).
+        Cell size of the mesh; with smaller cells depths are more exact (default: half the median thickness).
 
     Examples
     --------
@@ -410,6 +414,8 @@ def layers(
     from cortet.measure.layers import bounds_of
 
     depths = bounds_of(layers).tolist()
+    if not depths:
+        raise InputError("a single layer has no surface within", remedy="give --layers 2 or more")
     name = output.name.partition(".")[0]
     files = [output.with_name(output.name.replace(name, f"{name}{number}", 1)) for number in range(1, len(depths) + 1)]
     for file in files:
@@ -417,13 +423,15 @@ def layers(
     if cell_size is None:
         across = closest_points(tree_of(read_surface(pial)), read_surface(white).points).distances
         cell_size = round(statistics.median(across.tolist()) / 2, 2)
+        if not cell_size:
+            raise InputError(f"is the same surface as {pial.name}", file=white, remedy="give white and pial surface")
         print(f"cells of {cell_size:g} mm, half the median distance between the surfaces")
     # the surfaces lie within 0.03 mm of those of a certified mesh, which takes three times as long
     as_given = {stage: {"enabled": False} for stage in ("smooth_surface", "clean", "reconnect")}
     made = mesh(pial, inner={"white": white}, cell_size=cell_size, settings=as_given)
     surfaces = made.laminar_surfaces(depths, equivolumetric=not equidistant)
     for depth, surface, file in zip(depths, surfaces, files, strict=True):
-        write_surface(surface, file)
+        write_surface(surface, file, like=white)
         crossing = len(self_intersections(surface))
         print(f"{file}: depth {depth:.3f}" + (f", {crossing} triangles cross others" if crossing else ""))
     return 0

@@ -47,7 +47,11 @@ def _as_list(value: Any) -> Any:
 
 
 def _shares(value: Any) -> Any:
-    return [1.0] * value if type(value) is int and 0 < value <= MOST_LAYERS else value
+    if isinstance(value, (list, tuple)):
+        return value
+    if type(value) is not int or not 0 < value <= MOST_LAYERS:
+        raise ValueError(f"must be a whole number from 1 to {MOST_LAYERS}, or a list of shares")
+    return [1.0] * value
 
 
 def _takes_bool(annotation: Any) -> bool:

@@ -88,6 +88,12 @@ class Columns:
         """Share of the volume between a node and the surface where φ is 1: (n,)."""
         return _share(self.to_one.volume, self.to_zero.volume)
 
+    @property
+    def share_per_mm(self) -> FloatArray:
+        """How much of its volume a column has in a millimetre at a node: (n,) per mm."""
+        flux = np.linalg.norm(self.gradient, axis=1) * (self.to_zero.volume + self.to_one.volume)
+        return np.divide(1, flux, out=np.zeros(len(flux)), where=flux > 0)
+
     def at(self, nodes: IntArray, depth: float, *, equivolumetric: bool = True) -> FloatArray:
         """The points at a depth, from 0 to 1, of the columns of some nodes: (k, 3) mm, NaN without a whole column.
 

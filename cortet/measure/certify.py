@@ -282,12 +282,13 @@ def certify(
         "surface_distance": _lost(lost),
         "meshing_topology": reports.get("generate", {}).get("reason", ""),
     }
+    layered = layer_records(mesh, surface.inner, layers)
     return Certificate(
         schema=SCHEMA,
         case=case,
         certified=all(check.passed for check in checks),
         reasons=tuple(_reason(check, places.get(check.id, "")) for check in checks if not check.passed),
-        remarks=remarks(reports, parameters or {}, regions, cell_size, len(layers or ())),
+        remarks=remarks(reports, parameters or {}, regions, cell_size, layered if layers else None),
         checks=checks,
         worst_elements=worst,
         valence_bound=valence_bound(around),
@@ -301,7 +302,7 @@ def certify(
         topology=topology,
         regions=regions,
         interfaces=interfaces,
-        layers=layer_records(mesh, surface.inner, layers),
+        layers=layered,
         input={} if source is None else {"file": str(source), "sha256": input_sha256(source)},
         mesh_sha256=mesh_sha256(mesh),
         input_repaired=repaired,

@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.geometry.columns import Columns, columns
+from cortet.geometry.nesting import parents
 from cortet.geometry.topology import TET_FACES, compact, edges, neighbours
 from cortet.measure.harmonic import harmonic
 from cortet.measure.quality import signed_volumes
-from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, is_brain, region_names
+from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, TriSurface, is_brain, region_names
 
 #: name of the inner surface between cortex and white matter
 WHITE = "white"
@@ -53,6 +54,8 @@ class Cortex(NamedTuple):
     cells: NDArray[np.bool_]
     #: whether a node of the cortex has a column from one surface to the other: (n,)
     known: NDArray[np.bool_]
+    #: number of the region `white`
+    white: int
 
 
 class Layers(NamedTuple):
@@ -60,7 +63,7 @@ class Layers(NamedTuple):
 
     #: name -> (n,) or (n, 3), at nodes
     of_nodes: dict[str, FloatArray]
-    #: name -> (m,) or (m, 3), means over the corners
+    #: name -> (m,) or (m, 3), at the centroids
     of_cells: dict[str, FloatArray]
     #: layer of each tetrahedron, 1 for the outermost: (m,) int32; 0 outside the cortex and where it has no layers
     number: IntArray
@@ -70,19 +73,29 @@ class Layers(NamedTuple):
     reaches: IntArray
 
 
-def require_layers(inner: Iterable[str]) -> tuple[int, int]:
-    """The numbers of the cortex and of the region `white` within it; InputError if there is none of the two."""
-    names = region_names(inner)
-    cortex = next((number for number, name in enumerate(names, start=1) if is_brain(name)), None)
-    if cortex is None or WHITE not in names:
-        what = f"layers lie between a cortex and an inner surface {WHITE}, and the regions are {', '.join(names)}"
-        raise InputError(what, remedy=f"name the white surface {WHITE}, or leave the layers out")
-    return cortex, 1 + names.index(WHITE)
+def require_layers(surface: TriSurface) -> None:
+    """Raise InputError unless an inner surface `white` lies in the cortex, with no other surface between."""
+    names = region_names(surface.inner)
+    where = names[parents(surface)[names.index(WHITE)]] if WHITE in names else None
+    if where is None or not is_brain(where):
+        found = f"{WHITE} is in {where}" if where else f"the regions are {', '.join(names)}"
+        remedy = f"name the white surface {WHITE}, with no other between it and the cortex; or leave the layers out"
+        raise InputError(f"layers lie between the cortex and an inner surface {WHITE}, and {found}", remedy=remedy)
 
 
-def can_have_layers(inner: Iterable[str]) -> bool:
-    """Whether a mesh with these inner surfaces has a cortex around white matter."""
-    return WHITE in inner
+def cortex_and_white(mesh: TetMesh, inner: Iterable[str]) -> tuple[int, int] | None:
+    """The numbers of the cortex and of the region `white` in it; None if the mesh has no cortex around white matter."""
+    names, region = region_names(inner), mesh.cell_data.get(REGION)
+    if WHITE not in names or region is None:
+        return None
+    white = 1 + names.index(WHITE)
+    behind = neighbours(mesh)[region == white]
+    around = region[behind[behind >= 0]]
+    around = around[around < white]  # what lies around a region has a lower number
+    if not len(around):
+        return None
+    cortex = int(np.bincount(around).argmax())
+    return (cortex, white) if is_brain(names[cortex - 1]) else None
 
 
 def bounds_of(layers: Sequence[float]) -> FloatArray:
@@ -110,8 +123,12 @@ def cortical_columns(mesh: TetMesh, inner: Iterable[str]) -> Cortex:
     ------
     InputError : there is no inner surface `white`, or no cortex around it
     """
-    cortex, white = require_layers(inner)
-    region = mesh.cell_data[REGION]
+    names = list(inner)
+    numbers = cortex_and_white(mesh, names)
+    if numbers is None:
+        what = f"the mesh has no cortex around {WHITE}, but the regions {', '.join(region_names(names))}"
+        raise InputError(what, remedy=f"mesh with an inner surface {WHITE} in the cortex, and without a hole there")
+    (cortex, white), region = numbers, mesh.cell_data[REGION]
     mine = region == cortex
     points, cells, nodes = compact(mesh.points, mesh.cells[mine])
     wall = TetMesh(points, cells)
@@ -128,7 +145,7 @@ def cortical_columns(mesh: TetMesh, inner: Iterable[str]) -> Cortex:
     found = columns(wall, solved[:, 0])
     sides = points[edges(cells)]
     shortest = _SHORTEST * np.linalg.norm(sides[:, 0] - sides[:, 1], axis=1).mean()
-    return Cortex(found, nodes, mine, found.whole & (found.thickness >= shortest))
+    return Cortex(found, nodes, mine, found.whole & (found.thickness >= shortest), white)
 
 
 def cortical_layers(mesh: TetMesh, inner: Iterable[str], bounds: FloatArray) -> Layers:
@@ -139,23 +156,27 @@ def cortical_layers(mesh: TetMesh, inner: Iterable[str], bounds: FloatArray) -> 
     mesh, inner : as `cortical_columns`
     bounds : equivolumetric depths between layers
     """
-    names = list(inner)
-    cortex = cortical_columns(mesh, names)
+    cortex = cortical_columns(mesh, inner)
     found, known, cells = cortex.columns, cortex.known, cortex.columns.wall.cells
+    per_length = np.divide(1, found.thickness, out=np.zeros(len(known)), where=found.thickness > 0)
     fields = {
         COLUMN: np.where(known[:, None], found.direction, 0.0),
         THICKNESS: np.where(known, found.thickness, 0.0),
         DEPTH: np.where(known, found.depth, 1 - found.phi),
         EQUIVOLUMETRIC: np.where(known, found.depth_equivolumetric, 1 - found.phi),
     }
+    rises = {DEPTH: per_length, EQUIVOLUMETRIC: found.share_per_mm}  # of a depth, against the direction of a column
     of_nodes, of_cells = {}, {}
-    within = mesh.cell_data[REGION] >= require_layers(names)[1]
+    within = mesh.cell_data[REGION] >= cortex.white
     for name, values in fields.items():
-        deepest = float(name in (DEPTH, EQUIVOLUMETRIC))
+        deepest = float(name in rises)
         at_nodes, at_cells = (np.zeros((len(every), *values.shape[1:])) for every in (mesh.points, mesh.cells))
         at_nodes[np.unique(mesh.cells[within])] = deepest
         at_cells[within] = deepest
         at_nodes[cortex.nodes], at_cells[cortex.cells] = values, values[cells].mean(axis=1)
+        if name in rises:
+            slopes = np.where(known, -rises[name], 0.0)[:, None] * found.direction
+            at_cells[cortex.cells] = _at_centroids(found.wall, values, slopes).clip(0.0, 1.0)
         of_nodes[name], of_cells[name] = at_nodes, at_cells
     sizes = np.linalg.norm(of_cells[COLUMN], axis=1, keepdims=True)
     of_cells[COLUMN] = np.divide(of_cells[COLUMN], sizes, out=of_cells[COLUMN], where=sizes > 0)
@@ -168,12 +189,26 @@ def cortical_layers(mesh: TetMesh, inner: Iterable[str], bounds: FloatArray) -> 
     return Layers(of_nodes, of_cells, number, cortex.cells, reaches)
 
 
+def _at_centroids(mesh: TetMesh, values: FloatArray, gradient: FloatArray) -> FloatArray:
+    """Values (n,) of nodes at the centroids of tetrahedra: (m,), exact for polynomials of second degree.
+
+    The mean of the corners is too large where the function is convex, and the mean of the tangents at the corners too
+    small by as much, so the truth is half-way.
+    """
+    corners = mesh.points[mesh.cells]
+    way = corners.mean(axis=1, keepdims=True) - corners
+    ahead = np.einsum("mkc,mkc->mk", gradient[mesh.cells], way)
+    at_corners: FloatArray = values[mesh.cells]
+    return (at_corners + ahead / 2).mean(axis=1)
+
+
 def layer_records(mesh: TetMesh, inner: Iterable[str], layers: Sequence[float] | None) -> tuple[LayerRecord, ...]:
     """The layers of the cortex, the outermost first, and the part without layers; none if the mesh can have none."""
-    if layers is None or not can_have_layers(inner):
+    names = list(inner)
+    if layers is None or cortex_and_white(mesh, names) is None:
         return ()
     bounds = bounds_of(layers)
-    found = cortical_layers(mesh, inner, bounds)
+    found = cortical_layers(mesh, names, bounds)
     volumes = signed_volumes(mesh.points, mesh.cells)
     depths = [(0.0, 1.0), *zip([0.0, *bounds.tolist()], [*bounds.tolist(), 1.0], strict=True)]
     records = []

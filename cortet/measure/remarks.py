@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from cortet.geometry.limits import CELL_SIZE_MM
+from cortet.measure.layers import LayerRecord
 from cortet.measure.regions import RegionRecord
 from cortet.meshes import OUTERMOST
 
 #: a repair is worth a remark from this change of volume on, a surface that gave way from this share of the volume
 #: between it and the surface around it
 _REPAIRED, _EXCHANGED = 0.005, 0.05
+#: the part of the cortex without layers is worth a remark from this share of its volume on
+_UNLAYERED = 0.05
 #: elements across the cortex below which its bending is too stiff
 _ACROSS = 2
 
@@ -20,7 +24,7 @@ def remarks(
     parameters: Mapping[str, Any],
     regions: Sequence[RegionRecord] = (),
     cell_size: float | None = None,
-    layers: int = 0,
+    layers: Sequence[LayerRecord] | None = None,
 ) -> tuple[str, ...]:
     """Sentences on repairs and on inner surfaces that gave way, where they went far; and on a cortex of few elements.
 
@@ -29,10 +33,11 @@ def remarks(
     reports, parameters : of the stages, as a certificate has them
     regions : of the mesh
     cell_size : mm
-    layers : number of layers of the cortex
+    layers : of the cortex; empty if the mesh has no cortex around white matter; None: none are asked for
     """
-    few = _coarse(regions, cell_size, layers)
-    return (*_repairs(reports.get("repair") or {}), *_gaps(reports, parameters), *few)
+    count = sum(layer.number > 0 for layer in layers or ())
+    few, of_layers = _coarse(regions, cell_size, count), [] if layers is None else _layers(layers)
+    return (*_repairs(reports.get("repair") or {}), *_gaps(reports, parameters), *few, *of_layers)
 
 
 def _repairs(report: Mapping[str, Any]) -> Iterator[str]:
@@ -50,8 +55,20 @@ def _coarse(regions: Sequence[RegionRecord], cell_size: float | None, layers: in
             continue
         for least, purpose in ((_ACROSS, "mechanics"), (layers, f"{layers} layers")):
             if across.median < least:
-                fine = f"; {cell_size * across.median / least:.2g} mm is small enough for {least}" if cell_size else ""
+                size = cell_size * across.median / least if cell_size else 0.0
+                fine = f"; {size:.2g} mm is small enough for {least}" if size >= CELL_SIZE_MM[0] else ""
                 yield f"the {OUTERMOST} has a median of {across.median:g} elements across, too few for {purpose}{fine}"
+
+
+def _layers(layers: Sequence[LayerRecord]) -> Iterator[str]:
+    if not layers:
+        yield "no layers: no inner surface white lies directly in the cortex"
+        return
+    cortex = sum(layer.volume_ml for layer in layers)
+    if (none := sum(layer.volume_ml for layer in layers if not layer.number)) > _UNLAYERED * cortex:
+        yield f"{none / cortex:.0%} of the cortex has no layer: white is too near to the boundary, or they touch"
+    if empty := [str(layer.number) for layer in layers if not layer.tetrahedra]:
+        yield f"layers without tetrahedra: {', '.join(empty)} (remedy: fewer layers, or a smaller cell size)"
 
 
 def _gaps(reports: Mapping[str, Any], parameters: Mapping[str, Any]) -> Iterator[str]:

@@ -43,10 +43,10 @@ _SIZE = ("Nodes", "Tetrahedra")
 #: columns of the table of layers: the fields of `measure.layers.LayerRecord`
 LAYER_COLUMNS = (
     Column("number", "1 is the outermost", heading="layer"),
-    Column("depth", "Equivolumetric depths between which it lies", heading="depth"),
+    Column("depth", "Depths between which it lies, 0 pial and 1 white", heading="equivolumetric depth"),
     Column("tetrahedra", "Number of its tetrahedra", heading="tetrahedra", form=",.0f"),
     Column("volume_ml", "Their volume", units="mL", heading="volume, mL", form=".3f"),
-    Column("cut", "Share of them that a bound of the layer passes through", heading="cut", form=".1%"),
+    Column("cut", "Share of them that a bound of the layer passes through", heading="cut by a bound", form=".1%"),
 )
 
 
@@ -214,7 +214,7 @@ def _layers(of: Checked) -> list[Part]:
     rows = [
         {
             **layer,
-            "number": str(layer["number"] or "none, where the surfaces meet"),
+            "number": str(layer["number"] or "none: no column"),
             "depth": "{:.3f} to {:.3f}".format(*layer["depth"]),
         }
         for layer in layers

@@ -35,6 +35,8 @@ class Laminar:
     def __init__(self, found: SurfaceMap, inner: Iterable[str], *, equivolumetric: bool = True) -> None:
         self._map, self._equivolumetric = found, equivolumetric
         self._cortex: Cortex = cortical_columns(found.mesh, inner)
+        if not self._cortex.known.any():
+            raise InputError("no column leads through the cortex", remedy="mesh with smaller cells")
         number = np.full(len(found.mesh.points), -1)
         number[self._cortex.nodes[self._cortex.known]] = np.flatnonzero(self._cortex.known)
         weights = found.to_surface

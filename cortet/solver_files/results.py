@@ -172,7 +172,8 @@ def on_surface(steps: Iterable[Step], weights: ToSurface, *, file: Path, mesh_fi
     done: list[OnSurface] = []
     told: dict[str, None] = {}  # an ordered set
     if missing := int((np.diff(weights.nodes.indptr) == 0).sum()):
-        told[f"{missing:,} vertices have no value, NaN: their points are outside the mesh"] = None
+        what = "outside the mesh, or without a column of the cortex"
+        told[f"{missing:,} vertices have no value, NaN: they are {what}"] = None
     for given in steps:
         step = _as_it_began(given, mesh)
         if order is None or last is None or not _same_mesh(step.mesh, last):

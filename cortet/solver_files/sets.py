@@ -23,7 +23,7 @@ from cortet.formats.tags import TOO_LARGE, region_numbers
 from cortet.formats.tags import regions as regions_of
 from cortet.geometry.closest_point import closer_than, closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, interfaces
-from cortet.measure.layers import bounds_of, can_have_layers, cortical_layers
+from cortet.measure.layers import bounds_of, cortex_and_white, cortical_layers
 from cortet.meshes import AROUND, BRAIN, REGION, IntArray, MeshSets, TetMesh, is_brain, region_names
 
 #: names of the sets of layers begin so
@@ -121,8 +121,9 @@ def named_sets(
         for key in np.unique(mesh.cell_data[field]).tolist():
             same = np.flatnonzero(mesh.cell_data[field] == key).astype(np.int32)
             regions[_label_name(field, key, names, regions)] = same
-    if layers is not None and can_have_layers(inner):
+    if layers is not None and cortex_and_white(mesh, inner) is not None:
         mesh, of_layers = with_layers(mesh, inner, layers)
+        _require_free(regions, of_layers, "set")
         regions |= of_layers
     filled = {name: members for name, members in regions.items() if len(members)}
     named = replace(mesh, sets=MeshSets(sets.nodes, sets.faces, filled))
@@ -137,8 +138,16 @@ def with_layers(mesh: TetMesh, inner: Sequence[str], layers: Sequence[float]) ->
         f"{LAYER}{number}": np.flatnonzero(found.number == number).astype(np.int32)
         for number in range(1, len(bounds) + 2)
     }
+    _require_free({**mesh.point_data, **mesh.cell_data}, found.of_nodes, "field")
     of_nodes, of_cells = {**mesh.point_data, **found.of_nodes}, {**mesh.cell_data, **found.of_cells}
     return replace(mesh, point_data=of_nodes, cell_data=of_cells), sets
+
+
+def _require_free(names: Collection[str], layers: Collection[str], what: str) -> None:
+    """Raise InputError if the layers would replace a field or set of the mesh."""
+    if taken := sorted({*names} & {*layers}):
+        said = f"the mesh has a {what} {taken[0]}, and so have its layers"
+        raise InputError(said, remedy=f"give the {what} another name, or leave the layers out")
 
 
 def tagged(mesh: TetMesh, field: str) -> TetMesh:

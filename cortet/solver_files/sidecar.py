@@ -122,6 +122,8 @@ class _MadeFrom(BaseModel):
     hemisphere: Literal["L", "R"] | None = None
     gestational_age: Annotated[FiniteFloat, Field(strict=True)] | None = None
     holes: list[str] = []
+    #: share of the volume of each layer of the cortex, the outermost first
+    layers: list[FiniteFloat] = []
 
 
 class _Record(BaseModel):

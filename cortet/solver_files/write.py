@@ -14,6 +14,7 @@ from cortet.formats import FORMATS
 from cortet.formats.gifti import read_surface
 from cortet.formats.placement import placed
 from cortet.formats.volumes import is_volume
+from cortet.measure.layers import cortex_and_white
 from cortet.meshes import TetMesh, TriSurface
 from cortet.solver_files.export import Matrices, export
 from cortet.solver_files.fields import FieldSource, field_sources
@@ -71,6 +72,8 @@ def write(
     """
     named, sources = with_sets(mesh, surface, origin, sets=sets, labels=labels, units=units)
     made_from = origin.made_from(path.parent, temporary)
+    if cortex_and_white(mesh, surface.inner) is not None and sets.get("layers"):
+        made_from["layers"] = sets["layers"]
     options = {name: value for name, value in arguments.items() if name != "map"}
     beside, told = None, []
     if arguments.get("map") and not FORMATS[arguments["solver"]].is_surface:

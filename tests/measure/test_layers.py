@@ -9,11 +9,22 @@ import meshio
 import numpy as np
 import pytest
 import pyvista
-from shapes import shell_mesh
+from shapes import ball_surface, shell_mesh
 
 from cortet.errors import InputError
 from cortet.formats import abaqus, vtu
-from cortet.measure.layers import COLUMN, DEPTH, EQUIVOLUMETRIC, THICKNESS, bounds_of, cortical_layers, layer_records
+from cortet.geometry.nesting import nested
+from cortet.measure.layers import (
+    COLUMN,
+    DEPTH,
+    EQUIVOLUMETRIC,
+    THICKNESS,
+    LayerRecord,
+    bounds_of,
+    cortical_layers,
+    layer_records,
+    require_layers,
+)
 from cortet.measure.regions import Across, RegionRecord
 from cortet.measure.remarks import remarks
 from cortet.meshes import REGION, TetMesh
@@ -39,7 +50,7 @@ def test_layers_share_the_volume_of_the_cortex_as_asked():
     volume = 4 / 3 * np.pi * (OUTER**3 - WHITE**3) / 1000
     assert [record.number for record in records] == [1, 2], "the whole cortex has layers"
     assert sum(record.volume_ml for record in records) == pytest.approx(volume, rel=0.02)
-    assert [record.volume_ml / volume for record in records] == pytest.approx([1 / 3, 2 / 3], abs=0.05)
+    assert [record.volume_ml / volume for record in records] == pytest.approx([1 / 3, 2 / 3], abs=0.04)
     assert 0 < records[0].cut < 0.6 and records[0].depth == (0.0, pytest.approx(1 / 3))
 
 
@@ -69,9 +80,49 @@ def test_a_cortex_thinner_than_half_an_edge_has_no_layers():
 
 def test_a_cortex_with_fewer_elements_across_than_layers_is_remarked_on():
     region = RegionRecord("cortex", 1, 1000, 1.0, 0.0, 0.1, 0.3, Across(1, 2.0, 2.0))
-    assert remarks({}, {}, [region], 1.2, 2) == ()
-    (remark,) = remarks({}, {}, [region], 1.2, 4)
+    layers = [LayerRecord(number, (0.0, 1.0), 100, 1.0, 0.5) for number in (1, 2, 3, 4)]
+    assert remarks({}, {}, [region], 1.2, layers[:2]) == ()
+    (remark,) = remarks({}, {}, [region], 1.2, layers)
     assert "4 layers" in remark and "0.6 mm" in remark
+
+
+@pytest.mark.parametrize(
+    ("layers", "keyword"),
+    [
+        ([], "no inner surface white"),
+        ([LayerRecord(1, (0.0, 1.0), 90, 9.0, 0.0), LayerRecord(0, (0.0, 1.0), 10, 1.0, 0.0)], "10% of the cortex"),
+        ([LayerRecord(1, (0.0, 0.5), 90, 9.0, 0.0), LayerRecord(2, (0.5, 1.0), 0, 0.0, 0.0)], "without tetrahedra: 2"),
+    ],
+    ids=["none", "a part without", "empty"],
+)
+def test_layers_that_are_missing_are_remarked_on(layers, keyword):
+    (remark,) = remarks({}, {}, layers=layers)
+    assert keyword in remark
+
+
+def test_another_region_between_cortex_and_white_matter_leaves_no_layers():
+    mesh = head()
+    deep = np.linalg.norm(mesh.points[mesh.cells].mean(axis=1), axis=1) < 21.2
+    region = np.where(mesh.cell_data[REGION] == 2, 3, np.where(deep, 2, 1)).astype(np.int32)
+    between = replace(mesh, cell_data={REGION: region})
+    assert layer_records(between, ["deep", "white"], [1, 1]) == ()
+    with pytest.raises(InputError, match="white"):
+        cortical_layers(between, ["deep", "white"], bounds_of([1, 1]))
+    surfaces = nested(ball_surface(2, 23.0), {"deep": ball_surface(2, 21.0), "white": ball_surface(2, 20.0)})
+    with pytest.raises(InputError, match="deep"):
+        require_layers(surfaces)
+    require_layers(nested(ball_surface(2, 23.0), {"white": surfaces.inner["white"]}))
+
+
+def test_layers_replace_no_field_or_set_of_the_user():
+    mesh = head()
+    of_nodes = replace(mesh, point_data={"depth": mesh.points[:, 0]})
+    labels = np.ones(len(mesh.cells), np.int32)
+    labelled = replace(mesh, cell_data={**mesh.cell_data, "layer": labels})
+    with pytest.raises(InputError, match="field depth"):
+        named_sets(of_nodes, inner=["white"], layers=[1, 1])
+    with pytest.raises(InputError, match="set layer_1"):
+        named_sets(labelled, inner=["white"], layers=[1, 1], tissues=["layer"])
 
 
 def test_a_mesh_without_white_surface_has_none():

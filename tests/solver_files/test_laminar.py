@@ -1,5 +1,6 @@
 """Depths of a cortex between two spheres, whose columns are radii: points, values and surfaces."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from shapes import ball_surface
 import cortet
 from cortet.cli import main
 from cortet.errors import InputError
+from cortet.formats import vtu
 from cortet.formats.gifti import read_fields, read_surface, write_surface
 from cortet.meshes import REGION
 
@@ -85,15 +87,13 @@ def test_depths_outside_the_cortex_and_meshes_without_a_white_surface_are_refuse
         single.laminar_profile(single.points, [0.5])
 
 
-def projected(folder: Path, tmp_path: Path, *options: str):
+def projected(folder: Path, tmp_path: Path, *options: str, mesh: str = "x.vtu"):
     """The radius of nodes, as `cortet project` brings it to the pial surface."""
-    from cortet.formats import vtu
-
-    mesh = vtu.read(folder / "x.vtu")
-    mesh.point_data.clear()
-    mesh.point_data["radius"] = np.linalg.norm(mesh.points, axis=1)
-    vtu.write(mesh, tmp_path / "result.vtu")
-    command = ["project", str(tmp_path / "result.vtu"), "--mesh", str(folder / "x.vtu")]
+    result = vtu.read(folder / mesh)
+    result.point_data.clear()
+    result.point_data["radius"] = np.linalg.norm(result.points, axis=1)
+    vtu.write(result, tmp_path / "result.vtu")
+    command = ["project", str(tmp_path / "result.vtu"), "--mesh", str(folder / mesh)]
     output = tmp_path / "x.func.gii"
     assert main([*command, "-o", str(output), *options]) == 0
     return read_fields(output)["radius"]
@@ -107,10 +107,29 @@ def test_project_takes_depths_in_percent_and_layers_along_columns(folder, tmp_pa
     assert np.abs(outer - np.cbrt(volume).mean()).max() < NEAR
 
 
+def test_layers_stay_with_a_mesh_that_is_converted_and_checked_again(folder, tmp_path):
+    mesh, again = tmp_path / "y.vtu", tmp_path / "y.inp"
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
+    cortet.convert(tmp_path / "x.vtu", again)
+    cortet.convert(again, mesh)
+    first, second = (cortet.certify(file).layers for file in (tmp_path / "x.vtu", mesh))
+    assert [(layer.number, layer.tetrahedra, layer.cut) for layer in first] == [
+        (layer.number, layer.tetrahedra, layer.cut) for layer in second
+    ]
+    assert [layer.number for layer in first] == [1, 2]
+    assert np.abs(projected(tmp_path, tmp_path, "--layer", "2", mesh="y.vtu") - 9.4).max() < 0.4
+
+
 @pytest.mark.parametrize(
     "options",
-    [["--layer", "3"], ["--depth", "110%"], ["--layer", "1", "--depth", "50%"], ["--equidistant"]],
-    ids=["no such layer", "below the cortex", "both", "equidistant without depth"],
+    [
+        ["--layer", "3"],
+        ["--depth", "110%"],
+        ["--layer", "1", "--depth", "50%"],
+        ["--equidistant"],
+        ["--layer", "1", "--thickness", "3"],
+    ],
+    ids=["no such layer", "below the cortex", "both", "equidistant without depth", "layer and thickness"],
 )
 def test_project_refuses_what_cannot_be(folder, tmp_path, options):
     command = ["project", str(folder / "x.vtu"), "--mesh", str(folder / "x.vtu"), "-o", str(tmp_path / "x.func.gii")]
