@@ -167,12 +167,12 @@ def _region_names(named: list[str]) -> list[str]:
     if not any(is_brain(name) for name in named):
         if around:
             raise InputError(
-                f"the inner surface {around[0]} is named as what lies around the brain",
+                f"the inner surface {around[0]} has a name that is reserved for what lies around the brain",
                 remedy="give it another name, ventricle for example",
             )
         return [OUTERMOST, *named]
     if len(around) == len(AROUND):
-        raise InputError(f"inner surfaces have all the names {', '.join(AROUND)}", remedy="give one another name")
+        raise InputError(f"inner surfaces use all of {', '.join(AROUND)}", remedy="rename one of them")
     return [next(name for name in AROUND if name not in named), *named]
 
 

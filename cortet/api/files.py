@@ -96,7 +96,7 @@ def improve(
 
     Raises
     ------
-    InputError : the tetrahedra fill no body, no surface is known, or a setting is impossible
+    InputError : the tetrahedra form no valid solid, no surface is known, or a setting is impossible
     CortetError : a stage failed
 
     Examples
@@ -233,6 +233,6 @@ def _oriented(mesh: TetMesh, file: Path | None) -> IntArray:
         raise InputError(
             f"{flat} tetrahedra have no volume, the first is number {int(np.argmax(volumes == 0))}",
             file=file,
-            remedy="mesh the surface anew",
+            remedy="mesh the surface again",
         )
     return np.where((volumes < 0)[:, None], mesh.cells[:, [1, 0, 2, 3]], mesh.cells).astype(np.int32)

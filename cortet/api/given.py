@@ -98,7 +98,7 @@ def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
 def sections(settings: Settings | None, cell_size: float | None = None) -> dict[str, Any]:
     """The keys of a configuration by section, with the cell size, mm, if one is given."""
     if not isinstance(settings, str | Path | Mapping | None):
-        what = f"an object of type {type(settings).__name__} holds no settings"
+        what = f"an object of type {type(settings).__name__} is not valid for settings"
         raise InputError(what, remedy='give a file, or keys by section: {"repair": {"enabled": True}}')
     if isinstance(settings, str | Path):
         load(settings)  # its errors name the file
@@ -141,7 +141,7 @@ def _of_polydata(shape: Any) -> TriSurface:
     if not shape.n_cells:
         raise InputError(f"the PolyData has {shape.n_points} points and no faces", remedy="give one with triangles")
     if not shape.is_all_triangles:
-        raise InputError("the PolyData has faces that are not triangles", remedy="call its triangulate() before")
+        raise InputError("the PolyData has faces that are not triangles", remedy="call triangulate() on it first")
     return TriSurface(shape.points, shape.regular_faces, dict(shape.point_data))
 
 
@@ -154,4 +154,4 @@ def _of_arrays(vertices: Any, faces: Any) -> TriSurface:
 def _require_unmasked(values: Any, name: str) -> None:
     """Raise InputError for a masked array with masked values, which `np.asarray` would unmask."""
     if hidden := int(np.ma.getmaskarray(values).sum()) if isinstance(values, np.ma.MaskedArray) else 0:
-        raise InputError(f"{name}: {hidden} values are masked", remedy="give them values with filled()")
+        raise InputError(f"{name}: {hidden} values are masked", remedy="replace the masked values with filled()")

@@ -359,7 +359,7 @@ def project(
 
     relative = depth is not None and depth.relative
     if layer is not None and (depth, thickness, equidistant) != (None, None, False):
-        raise InputError("a layer has its own depths", remedy="give --layer alone, or --depth")
+        raise InputError("--layer excludes --depth, --thickness and --equidistant", remedy="leave them out")
     if equidistant and (not relative or thickness is not None):
         what = "--equidistant says how a depth in % is measured along the columns of the cortex"
         raise InputError(what, remedy="give --depth in %, without --thickness")

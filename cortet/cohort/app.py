@@ -258,7 +258,7 @@ def require_plain_python(python: str = sys.executable) -> None:
     """
     if odd := re.search(r"[^\w@%+=:,./~-]", python):
         raise InputError(
-            f"Snakemake cannot run jobs by a Python whose path has {odd[0]!r}",
+            f"Snakemake cannot run jobs with a Python whose path has {odd[0]!r}",
             file=python,
             remedy="make the environment in a folder without blanks, quotes and parentheses in its path",
         )

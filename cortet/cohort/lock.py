@@ -82,5 +82,5 @@ def _lock(file: IO[str], folder: Path, kind: int) -> None:
         owner = file.read() or "another process"
         file.close()
         raise InputError(
-            f"another run writes to it: {owner}", file=folder, remedy="wait until it ends, or set output"
+            f"another run is writing to it: {owner}", file=folder, remedy="wait until it ends, or set output"
         ) from None

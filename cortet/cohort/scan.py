@@ -165,7 +165,7 @@ def _label(name: str, folders: dict[str, str], directory: Path, say: Callable[[s
     if (other := folders.setdefault(label.lower(), name)) != name:
         if other.lower() == name.lower():
             remedy = "rename one: some file systems ignore case"
-            raise InputError(f"{other} and {name} differ in case only", file=directory, remedy=remedy)
+            raise InputError(f"{other} and {name} differ only in upper and lower case", file=directory, remedy=remedy)
         remedy = "rename one: labels of BIDS have letters and digits alone"
         raise InputError(f"{other} and {name} would both be sub-{label}", file=directory, remedy=remedy)
     if label != name:

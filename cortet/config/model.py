@@ -104,7 +104,7 @@ class Config(Section):
                 remedy="name regions, or mesh each case with `cortet mesh`",
             )
         if self.export.holes and self.export.ten_nodes:
-            raise InputError("export.ten_nodes knows no export.holes", remedy="leave one of the two out")
+            raise InputError("export.ten_nodes cannot be combined with export.holes", remedy="leave one of the two out")
         for solver in self.export.formats:
             require_holes(self.export.holes, solver)
 

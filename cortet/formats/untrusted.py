@@ -25,7 +25,7 @@ _LONGEST_NAME = 80
 #: first bytes of what is packed by gzip
 GZIP = b"\x1f\x8b"
 #: what is said of a link whose content is not here
-ELSEWHERE = "is a link whose content is not here"
+ELSEWHERE = "is a link to a file that has not been downloaded"
 _READABLE = "check the path and its permissions"
 
 _T = TypeVar("_T")

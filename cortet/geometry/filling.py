@@ -121,9 +121,9 @@ def require_body(mesh: TetMesh, file: object = None, *, holes: bool = False) -> 
         broken.append(f"{unused} nodes belong to no tetrahedron")
     if broken:
         raise InputError(
-            f"the tetrahedra fill no body: {'; '.join(broken)}",
+            f"the tetrahedra form no valid solid: {'; '.join(broken)}",
             file=file,
-            remedy="mend it in the program that made the mesh",
+            remedy="repair it in the program that made the mesh",
         )
 
 

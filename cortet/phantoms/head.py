@@ -67,7 +67,7 @@ def head(
     low = pial.points.min(axis=0) - _MARGIN * voxel
     shape = np.ceil((pial.points.max(axis=0) + _MARGIN * voxel - low) / voxel).astype(int)
     if (count := int(np.prod(shape, dtype=object))) > _MOST_VOXELS:
-        raise InputError(f"{count:,} voxels are too many", remedy="use wider ones")
+        raise InputError(f"{count:,} voxels are too many", remedy="use larger voxels")
     affine = np.diag([-voxel, voxel, voxel, 1.0])  # the first axis points to the left, as most scanners write it
     affine[:3, 3] = low + np.array([(shape[0] - 1) * voxel, 0, 0])
     centres = np.indices(shape).reshape(3, -1).T @ affine[:3, :3].T + affine[:3, 3]

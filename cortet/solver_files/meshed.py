@@ -99,7 +99,7 @@ def require_own_stem(
             else:
                 continue
             raise InputError(
-                f"would take the certificate and the meshed surface of {other.name}, {differs}",
+                f"would overwrite the certificate and the meshed surface of {other.name}, {differs}",
                 file=mesh,
                 remedy="give another name, or delete the other mesh and its sidecar",
             )

@@ -72,7 +72,7 @@ def write(
     """
     named, sources = with_sets(mesh, surface, origin, sets=sets, labels=labels, units=units)
     made_from = origin.made_from(path.parent, temporary)
-    if cortex_and_white(mesh, surface.inner) is not None and sets.get("layers"):
+    if sets.get("layers") and cortex_and_white(mesh, surface.inner) is not None:
         made_from["layers"] = sets["layers"]
     options = {name: value for name, value in arguments.items() if name != "map"}
     beside, told = None, []

@@ -110,7 +110,7 @@ def test_an_image_keeps_its_frame_as_its_file_does(ball, tmp_path):
         ({"inner": {1: ball_surface()}}, "1 cannot be the name of an inner surface"),
         ({"inner": {"a b/c": ball_surface()}}, "'a b/c' cannot be the name of an inner surface"),
         ({"volumes": {1: "dseg.nii.gz"}}, "1 cannot be the name of a volume"),
-        ({"settings": [1]}, "an object of type list holds no settings"),
+        ({"settings": [1]}, "an object of type list is not valid for settings"),
         ({"inner": ["white.surf.gii"]}, "the inner surfaces have no names"),
         ({"fields": [1.0]}, "the fields have no names"),
         ({"volumes": ["x.nii.gz"]}, "the volumes have no names"),

@@ -87,7 +87,7 @@ def test_an_output_folder_with_braces_is_refused_before_anything_is_made(tmp_pat
 def test_a_python_that_snakemake_cannot_call_is_refused(folder):
     """Snakemake issue 2645."""
     require_plain_python("/home/josé/env-1.2/bin/python")
-    with pytest.raises(InputError, match="Snakemake cannot run jobs by a Python whose path has"):
+    with pytest.raises(InputError, match="Snakemake cannot run jobs with a Python whose path has"):
         require_plain_python(f"/home/{folder}/bin/python")
 
 

@@ -206,7 +206,7 @@ def test_a_folder_without_white_surfaces_says_what_is_there(tmp_path, file, word
 def test_subjects_whose_labels_are_alike_are_refused(tmp_path):
     with pytest.raises(InputError, match="would both be sub-a1"):
         scan(freesurfer(tmp_path, "a_1", "a-1"))
-    with pytest.raises(InputError, match="differ in case only"):
+    with pytest.raises(InputError, match="differ only in upper and lower case"):
         scan(freesurfer(tmp_path / "case", "sub-S1", "sub-s1"))
 
 
@@ -222,9 +222,9 @@ def test_links_whose_content_is_elsewhere_are_named(tmp_path):
     assert (left.surface, right.surface) == (surf / "lh.pial", surf / "rh.pial")
     assert right.inner == {"white": surf / "rh.white"} and not right.volumes
     for name in ("lh.white", "rh.pial"):
-        assert f"{surf / name}: is a link whose content is not here (datalad get {surf / name})" in said
+        assert f"{surf / name}: is a link to a file that has not been downloaded (datalad get {surf / name})" in said
     assert any("so the volume aseg is left out" in line for line in said)
-    with pytest.raises(InputError, match="is a link whose content is not here") as error:
+    with pytest.raises(InputError, match="is a link to a file that has not been downloaded") as error:
         read_surface(surf / "rh.pial")
     assert str(error.value) == str(missing_surface(surf / "rh.pial", column="surface"))
 
