@@ -190,7 +190,7 @@ def angles(mesh: TetMesh, cortex: Cortex) -> Row:
     return found
 
 
-app = command(__doc__, shells, pairs)
+main = command(__doc__, shells, pairs)
 
 if __name__ == "__main__":
-    app()
+    main()

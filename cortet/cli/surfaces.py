@@ -418,7 +418,7 @@ def layers(
         raise InputError("a single layer has no surface within", remedy="give --layers 2 or more")
     name = output.name.partition(".")[0]
     files = [output.with_name(output.name.replace(name, f"{name}{number}", 1)) for number in range(1, len(depths) + 1)]
-    for file in files:
+    for file in (output, *files):
         may_write(file)
     if cell_size is None:
         across = closest_points(tree_of(read_surface(pial)), read_surface(white).points).distances

@@ -51,6 +51,7 @@ COMMANDS = {
     "repair": [Command("x.surf.gii --config settings.yaml -o OUT", ".surf.gii")],
     "resample": [Command("sphere.surf.gii --sphere sphere.surf.gii --field t=x.shape.gii -o OUT", ".surf.gii")],
     "envelope": [Command("x.surf.gii --distance 2 -o OUT", ".surf.gii")],
+    "layers": [Command("inner.surf.gii x.surf.gii --layers 2 --cell-size 4 -o OUT", ".surf.gii")],
     "labels": [Command("x_dseg.nii.gz:1 -o OUT", ".surf.gii")],
     "growth": [
         Command("x.surf.gii inner.surf.gii --ages 28 30 -o OUT", ".func.gii"),

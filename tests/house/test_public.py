@@ -115,7 +115,7 @@ def test_what_cannot_be_improved_is_refused(folder):
     flat[made.cells[7, 0]] = flat[made.cells[7, 1]]
     for mesh, surface, word in (
         (made.mesh, [], "give the surface"),
-        (twice, [made.surface], "no body"),
+        (twice, [made.surface], "no valid solid"),
         (TetMesh(flat, made.cells), [made.surface], "no volume"),
         (TetMesh(made.points / 1000, made.cells), [made.surface], "in mm"),
         (TetMesh(made.points + 100, made.cells), [made.surface], "in mm"),
