@@ -27,7 +27,7 @@ from cortet.cli.values import (
     number,
 )
 from cortet.errors import InputError
-from cortet.geometry.limits import THICKNESS_MM
+from cortet.geometry.limits import MOST_LAYERS, THICKNESS_MM
 
 if TYPE_CHECKING:
     import numpy as np
@@ -306,7 +306,7 @@ def project(
     output: Annotated[FieldsFile, O],
     depth: Depth | None = None,
     equidistant: bool = False,
-    layer: Annotated[int | None, number(1, 100, "N", whole=True)] = None,
+    layer: Annotated[int | None, number(1, MOST_LAYERS, "N", whole=True)] = None,
     thickness: Annotated[float | None, number(*THICKNESS_MM, "MM")] = None,
     surface: InputFile | None = None,
     parcels: InputFile | None = None,
