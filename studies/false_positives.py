@@ -40,7 +40,7 @@ def folded(seed: int, end: float, *, reduced: bool) -> dict[str, NDArray[np.floa
     growth = np.where(reduced & (parcels(sphere) == 4), REDUCED, 1.0)
     made = cortet.mesh(surface, cell_size=CELLS, ga=START, hemi="L", fields={"growth": growth}, progress=False)
     with tempfile.TemporaryDirectory() as folder:
-        fold = cortet.fold(made, end=end, surfaces=[end], folder=folder, progress=False)
+        fold = cortet.fold(made, end=end, surfaces=[end], folder=folder, force=True, progress=False)
         return maps_of(fold.at(end), fold.at(START), made.surface_map())[1]
 
 

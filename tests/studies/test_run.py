@@ -19,7 +19,7 @@ from cortet.phantoms import phantom, phantom_with_sphere
 pytestmark = pytest.mark.thorough
 
 ROOT = Path(__file__).parents[2]
-FOLD = {"allow_volume": True, "end": 24.3, "thickness": 3.0, "frame_interval": 0.3}
+FOLD = {"force": True, "end": 24.3, "thickness": 3.0, "frame_interval": 0.3}
 
 
 def run(folder: Path, config: dict[str, Any]) -> str:
@@ -50,6 +50,21 @@ def test_cell_sizes_and_realisations_are_folded_and_compared(tmp_path):
     assert [(float(row["cell_size_mm"]), row["runs"]) for row in rows] == [(6.0, "2"), (5.0, "2")]
     assert "of the thickness" in (tmp_path / "results/convergence.txt").read_text()
     assert "Nothing to be done" in run(tmp_path, config)
+
+
+def test_folds_are_measured_by_week_beside_real_brains(tmp_path):
+    for age in (24, 25):
+        write_surface(phantom(float(age), subdivisions=4), tmp_path / f"{age}.surf.gii")
+    brain = {"surface": "24.surf.gii", "ga": 24, "hemi": "L"}
+    study = {"brains": {"a": brain}, "weeks": [24, 24.3], "cell_size": [6.0]}
+    study["levers"] = {"usual": {}, "uneven": {"undulation": {"mean_mm": 3, "sd_mm": 0.3, "length_mm": 6, "seed": 0}}}
+    real = {"young": {**brain, "ga": 24}, "old": {**brain, "surface": "25.surf.gii", "ga": 25}}
+    study["real"] = {**real, "newborn": {**real["old"], "born": True}}
+    run(tmp_path, {"settings": {"fold": FOLD}, "late": study})
+    rows = rows_of(tmp_path / "results/table-late.tsv")
+    assert [row["kind"] for row in rows] == ["fetus", "fetus", "newborn", *["usual"] * 2, *["uneven"] * 2]
+    assert float(rows[3]["area_cm2"]) < float(rows[4]["area_cm2"]) < float(rows[1]["area_cm2"])
+    assert "24.3 weeks" in (tmp_path / "results/table-late.txt").read_text()
 
 
 def test_later_surfaces_of_a_series_are_predicted_and_compared(tmp_path):
