@@ -7,8 +7,9 @@
 RUN are folders of `cortet fold` that differ by chance alone, as seeds of a mesh do: their mean is shown, and half of
 what lies between the lowest and the highest of them. Beside it stand laws of Gompertz for area, volume and hull
 (`growth.usual`), and real brains, interpolated between the surfaces that are named, or else between the healthy
-hemispheres of `cortet/folding/data/real_brains.tsv`, whose mean counts where several have one age. What is more or
-less than these is given in per cent of them, of the gyrification index and of shares as a difference.
+fetuses of `cortet/folding/data/real_brains.tsv`, whose mean counts where several have one age; newborns have a line of
+their own, since folds are not the same before and after birth. What is more or less than these is given in per cent of
+them, of the gyrification index and of shares as a difference.
 
 A real surface is measured as a simulated one is, its medial wall left out of width, depth and concavity; HEMI is L, R
 or both, and not needed where the file names it. With a pair, what lies between pial and white surface is the cortex:
@@ -20,7 +21,7 @@ prints it.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,7 +31,7 @@ from _frame import command
 from scipy.optimize import curve_fit
 
 from cortet.folding.body import scale_of
-from cortet.folding.fold_figures import as_real_brains, curves, healthy_hemispheres, real_brains
+from cortet.folding.fold_figures import as_real_brains, curves, healthy_fetuses, healthy_hemispheres, real_brains
 from cortet.folding.growth import AREA, HULL, VOLUME, usual
 from cortet.folding.journal import TABLE
 from cortet.folding.measurements import shape
@@ -42,7 +43,7 @@ from cortet.meshes import FloatArray, TriSurface
 
 WEEKS = (24.0, 26.0, 28.0, 30.0, 32.0, 34.0, 36.0, 38.0)
 #: ages between which a simulated brain should be like a real one, weeks
-CHECKED = (26.0, 36.0)
+CHECKED = (26.0, 34.0)
 #: digits after the point of a table's columns
 DIGITS = {"gyrification_index": 3, "concave_share": 3, "sulcal_depth_mm": 2}
 AGE = "gestational_age"
@@ -158,6 +159,17 @@ def at(ages: Sequence[float], rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(found, index=list(ages))
 
 
+def by_birth(ages: Sequence[float]) -> dict[str, pd.DataFrame]:
+    """Healthy fetuses and healthy newborns of `real_brains.tsv` at some ages."""
+    healthy, fetuses = healthy_hemispheres(), healthy_fetuses()
+    newborns = healthy.drop(fetuses.index)
+    parts = {"fetuses": fetuses, "newborns": newborns}
+    return {
+        name: at(ages, rows.rename(columns={"gestational_age_weeks": AGE}).reindex(columns=[AGE, *QUANTITIES]))
+        for name, rows in parts.items()
+    }
+
+
 def simulated(runs: Sequence[Path], ages: Sequence[float]) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Mean of some runs at ages, and half of what lies between the lowest and the highest; NaN beyond a run's end."""
     found = [at(ages, curves(run / TABLE)) for run in runs]
@@ -208,8 +220,13 @@ def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     )
 
 
-def weeks_table(mean: pd.DataFrame, spread: pd.DataFrame, real: pd.DataFrame, *, several: bool) -> str:
-    """Lines of simulated brains, of what is usual and of real ones for each quantity; a column for each age."""
+def weeks_table(mean: pd.DataFrame, spread: pd.DataFrame, real: Mapping[str, pd.DataFrame], *, several: bool) -> str:
+    """Lines of simulated brains, of what is usual and of real ones for each quantity; a column for each age.
+
+    Parameters
+    ----------
+    real : by the name of their line
+    """
     rows = []
     for column, quantity in QUANTITIES.items():
         ages, digits = mean.index.to_numpy(float), quantity.digits
@@ -221,7 +238,7 @@ def weeks_table(mean: pd.DataFrame, spread: pd.DataFrame, real: pd.DataFrame, *,
             ]
         rows.append([quantity.label, "simulated", *cells])
         wanted: dict[str, FloatArray] = {"usual": usual(quantity.law, ages)} if quantity.law else {}
-        wanted["real"] = real[column].to_numpy(float)
+        wanted |= {name: known[column].to_numpy(float) for name, known in real.items()}
         for name, values in wanted.items():
             if not np.isnan(values).all():
                 beside = (_beside(a, b, quantity) for a, b in zip(mean[column], values, strict=True))
@@ -245,20 +262,17 @@ def surfaces_table(real: pd.DataFrame) -> str:
 
 
 def verdict(mean: pd.DataFrame, real: pd.DataFrame) -> list[str]:
-    """Where the mean is farthest from what is usual, else from real ones, between the ages that are checked."""
+    """Where the mean is farthest from real brains between the ages that are checked."""
     checked = mean[(mean.index >= CHECKED[0]) & (mean.index <= CHECKED[1])]
     lines = []
     for column, quantity in QUANTITIES.items():
         ages = checked.index.to_numpy(float)
-        wanted = usual(quantity.law, ages) if quantity.law else real.loc[checked.index, column].to_numpy(float)
+        wanted = real.loc[checked.index, column].to_numpy(float)
         differ = np.array([excess(a, b, quantity) for a, b in zip(checked[column], wanted, strict=True)])
         if np.isnan(differ).all():
             continue
         worst = int(np.nanargmax(np.abs(differ)))
-        lines.append(
-            f"{quantity.label}: {_signed(differ[worst], quantity)} of {'usual' if quantity.law else 'real'} at "
-            f"{ages[worst]:g} weeks"
-        )
+        lines.append(f"{quantity.label}: {_signed(differ[worst], quantity)} of real at {ages[worst]:g} weeks")
     return lines
 
 
@@ -329,15 +343,13 @@ def weeks(
     if len(known):
         print(surfaces_table(known), end="\n\n")
     if runs:
-        brains = healthy_hemispheres().rename(columns={"gestational_age_weeks": AGE})
-        by_age = known if len(known) else brains.reindex(columns=[AGE, *QUANTITIES])
-        wanted = at(weeks, by_age)
+        wanted = {"real": at(weeks, known)} if len(known) else by_birth(weeks)
         mean, spread = simulated(runs, weeks)
         print(weeks_table(mean, spread, wanted, several=len(runs) > 1), end="\n\n")
-        named = "the surfaces above" if len(known) else f"{len(brains)} healthy hemispheres of real_brains.tsv"
+        named = "the surfaces above" if len(known) else "healthy hemispheres of real_brains.tsv"
         count = f"{len(runs)} run{'s' * (len(runs) > 1)}"
         print(f"{count}; real: interpolated between {named}. From {CHECKED[0]:g} to {CHECKED[1]:g} weeks")
-        print("\n".join(f"- {line}" for line in verdict(mean, wanted)), end="\n\n")
+        print("\n".join(f"- {line}" for line in verdict(mean, next(iter(wanted.values())))), end="\n\n")
     print("Laws: largest value, rate per week, latest age in weeks")
     print("\n".join(f"- {line}" for line in laws()))
 

@@ -50,7 +50,7 @@ SPEAKERS = {
     "measure.worst": ("_reason",),
     "solver_files.conventions": None,
     "folding.fold": ("_verdict",),
-    "folding.plausible": ("_side", "check_cells"),
+    "folding.plausible": ("_side",),
 }
 #: what a message says at this place depends on the case
 GAP = "…"

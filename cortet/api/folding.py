@@ -144,7 +144,7 @@ def fold(
 
     Examples
     --------
-    >>> folded = cortet.fold("x.vtu", end=28.1, progress=False)
+    >>> folded = cortet.fold("x.vtu", end=28.1, force=True, progress=False)  # its cells are coarse
     >>> folded.verdict["outcome"]
     'folded'
     """

@@ -127,7 +127,7 @@ def fold(
     data = Configured(config).settings()
     data["fold"] = {**(data.get("fold") or {}), **{key: value for key, value in chosen.items() if value is not None}}
     if writes.force:
-        data["fold"]["allow_volume"] = True
+        data["fold"]["force"] = True
     if real:
         data["fold"]["real_surfaces"] = (data["fold"].get("real_surfaces") or {}) | dict(real)
     loaded = load(data)

@@ -184,7 +184,7 @@ Picture = Annotated[OutputFile, _written("PNG", ".png", ".PNG")]
 MeshFile = Annotated[Path, Parameter(name="MESH")]
 InputFile = Annotated[Path, Parameter(metavar="FILE")]
 CellSize = Annotated[float, number(*CELL_SIZE_MM, "MM")]
-Setting = Literal["default", "cgal", "published"]
+Setting = Literal["default", "folding", "cgal", "published"]
 Hemisphere = Literal["L", "R"]
 Formats = Annotated[
     Sequence[str],

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
-from cortet.config.section import Cases, CellSize, PositiveInt, Section, Setting
+from cortet.config.section import Cases, CellSize, PositiveInt, Section
 from cortet.config.stages import MesherName
+
+#: presets that differ in what follows a mesher
+Compared = Literal["default", "cgal", "published"]
 
 
 class Ablation(Section):
@@ -50,7 +54,7 @@ class Series(Section):
 class Experiments(Section):
     """The experiments of the paper, on this cohort: `snakemake tables figures`."""
 
-    settings: list[Setting] = []
+    settings: list[Compared] = []
     """Presets to compare with that of the run, from S3 on: default, cgal, published. Each runs on the meshes of its own
     mesher (so `cgal` and `published` share theirs) and on those of tetgen, ftetwild, gmsh and netgen."""
     reference_meshes: list[Path] = []

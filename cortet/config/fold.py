@@ -108,8 +108,9 @@ class Fold(Section):
     """Relaxation times of single regions of the core, which are named as in `core_regions`."""
     regions: dict[int, Annotated[list[Finite], Field(min_length=3, max_length=3)]] = {}
     """Growth of single regions, by value of the field label: amplitude, rate and latency of a Gompertz law."""
-    allow_volume: bool = False
-    """true also folds a mesh whose volume is less than half or more than twice that of a human brain of its age."""
+    force: bool = False
+    """true also folds a mesh whose cells are larger than 0.6 of the thickness of its cortex, so that they determine the
+    width of its folds, or whose volume is less than half or more than twice that of a human brain of its age."""
     thickness: Positive | None = None
     """Thickness of the growing cortex at the start, mm. null: for growing, the default of the model; for braingrowth,
     0.042 of half the length of the brain (1.25 mm at 22 weeks, slightly more later). The log states the value."""

@@ -38,8 +38,9 @@ class Config(Section):
     """The whole configuration."""
 
     setting: Setting = "default"
-    """Preset of stage parameters: `default` (lattice mesher, no Gmsh), `cgal` (the paper's mesher and Gmsh, then our
-    stages) or `published` (all choices of the CORTET paper). Keys below override it."""
+    """Preset of stage parameters: `default` (lattice mesher, no Gmsh), `folding` (the same, with fine cells in the
+    cortex and coarse ones in the core), `cgal` (the paper's mesher and Gmsh, then our stages) or `published` (all
+    choices of the CORTET paper). Keys below override it."""
     output: Path = Path("derivatives/cortet")
     """Output folder (BIDS derivative)."""
     keep_intermediates: bool = True

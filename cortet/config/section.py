@@ -82,7 +82,7 @@ Boundary = Literal["fixed", "slide", "free"]
 #: the cases for which a column of the sheet says yes
 Column = Annotated[dict[Literal["column"], str], Field(min_length=1)]
 #: named sets of stage parameters (`config.settings`)
-Setting = Literal["default", "cgal", "published"]
+Setting = Literal["default", "folding", "cgal", "published"]
 #: `all` cases of the sheet, a number of them spread over the ages, those named, or those of a column
 Cases = Literal["all"] | NonNegativeInt | list[str] | Column
 

@@ -129,7 +129,7 @@ def fold(
         doubts.append(f"growth was measured up to {known:g} weeks, so the fold ends there, not at {settings.end:g}")
         settings = settings.with_keys(end=known)
     run = prepared(mesh, settings)
-    doubts += check_cells(run)
+    doubts += check_cells(run, settings)
     for sentence in [*described(run), *(f"warning: {doubt}" for doubt in doubts)]:
         say(sentence)
     frames_at = [*frames_at, *settings.surfaces]

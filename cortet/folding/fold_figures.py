@@ -69,14 +69,14 @@ _ROWS, _SMALL = 2, ("min_j", "q_max")
 _STEPS, _MOST_TICKS = (1, 2, 4, 5, 10), 6
 #: size, shape and folds of real brains; `data/real_brains.json` explains them
 _REAL_BRAINS = Path(__file__).with_name("data") / "real_brains.tsv"
-#: source of those whose anatomy is abnormal
-ABNORMAL = "spina bifida atlas"
+#: sources of those whose anatomy is abnormal, and of those who were born
+ABNORMAL, BORN = "spina bifida atlas", "dHCP neonatal atlas"
 #: source of real brains -> its name in the legend, marker, colour; open markers for abnormal anatomy
 _SOURCES = {
     "CRL atlas": ("CRL atlas, fetal", "o", "black"),
     "FetoMorph (individual)": ("FetoMorph, individual fetuses", "^", "black"),
     ABNORMAL: ("spina bifida atlas, fetal", "o", "black"),
-    "dHCP neonatal atlas": ("dHCP atlas, newborns", "s", "#8C8C8C"),
+    BORN: ("dHCP atlas, newborns", "s", "#8C8C8C"),
 }
 
 logger = logging.getLogger(__name__)
@@ -177,6 +177,12 @@ def healthy_hemispheres() -> pd.DataFrame:
     """The rows of `real_brains` that are the inner surface of one healthy hemisphere."""
     brains = real_brains()
     return brains[(brains["surface_type"] == "white") & (brains["hemi"] != "both") & (brains["source"] != ABNORMAL)]
+
+
+def healthy_fetuses() -> pd.DataFrame:
+    """Those of `healthy_hemispheres` that were not born yet, 22 to 34 weeks."""
+    brains = healthy_hemispheres()
+    return brains[brains["source"] != BORN]
 
 
 def as_real_brains(rows: pd.DataFrame) -> pd.DataFrame:

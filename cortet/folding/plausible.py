@@ -90,16 +90,28 @@ def check_mesh(mesh: TetMesh, settings: Settings) -> list[str]:
     return _side(mesh, settings.hemisphere) if settings.hemisphere else []
 
 
-def check_cells(run: Run) -> list[str]:
-    """A doubt, as a sentence, if the cells next to the surface are as coarse as the cortex."""
+def check_cells(run: Run, settings: Settings) -> list[str]:
+    """A doubt, as a sentence, about a forced fold whose cells are nearly as coarse as its cortex is thick.
+
+    Raises
+    ------
+    InputError : the cells next to the surface are so coarse, and the fold is not forced
+    """
     volumes = signed_volumes(run.mesh.points, run.mesh.cells)[np.unique(boundary(run.mesh).cells)]
     size, thickness = float(np.cbrt(_TETS_PER_CUBE * np.median(volumes))), thickness_mm(run)
     if size <= COARSEST * thickness:
         return []
-    return [
-        f"the cells are {size:.2f} mm and the cortex is {thickness:.2f} mm thick: the width of the folds will be that "
-        f"of the cells (use cells of at most {COARSEST:g} of the thickness)"
-    ]
+    doubt = (
+        f"the cells are {size:.2f} mm and the cortex is {thickness:.2f} mm thick, so the cells determine the width of "
+        "the folds"
+    )
+    if settings.force or settings.reference:
+        return [doubt]
+    raise InputError(
+        doubt,
+        remedy=f"use cells of at most {COARSEST * thickness:.2g} mm, such as those of `--setting folding`; "
+        "to fold this mesh anyway, set fold.force or add --force",
+    )
 
 
 def _require_size(mesh: TetMesh, settings: Settings) -> None:
@@ -119,12 +131,12 @@ def _require_size(mesh: TetMesh, settings: Settings) -> None:
     volume = float(signed_volumes(mesh.points, mesh.cells).sum()) / 1000
     usual = float(np.interp(settings.gestational_age, _WEEKS, _ML))  # of a hemisphere
     most = (1 if settings.hemisphere else 2) * usual
-    if settings.allow_volume or usual / _TIMES <= volume <= most * _TIMES:
+    if settings.force or usual / _TIMES <= volume <= most * _TIMES:
         return
     raise InputError(
         f"the mesh has {volume:.3g} mL, and a human hemisphere of {settings.gestational_age:g} weeks has about "
         f"{usual:.0f} mL",
-        remedy="give the age of this brain, and a mesh in mm; for other species set fold.allow_volume or add --force",
+        remedy="give the age of this brain, and a mesh in mm; for other species set fold.force or add --force",
     )
 
 

@@ -276,7 +276,7 @@ def test_a_mesh_of_a_file_is_checked_and_what_is_none_is_said(ball, made, tmp_pa
 
 def test_a_mesh_folds_from_the_age_it_was_made_at(made, tmp_path):
     said: list[float] = []
-    small = {"thickness": 3.0, "allow_volume": True}
+    small = {"thickness": 3.0, "force": True}
     folded = cortet.fold(made, end=24.2, progress=lambda row, part, _: said.append(part), **small)
     assert folded.verdict["outcome"] == "folded" and said[-1] == 1
     assert folded.table["gestational_age"].iloc[[0, -1]].tolist() == pytest.approx([24, 24.2])

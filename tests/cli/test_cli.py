@@ -450,6 +450,7 @@ def test_a_reader_that_has_enough_is_no_error(tmp_path):
 def test_a_time_step_that_is_not_stable_is_refused(step, words, tmp_path, capsys):
     vtu.write(ball_mesh(2, radius=20.0), tmp_path / "ball.vtu")
     command = ["fold", str(tmp_path / "ball.vtu"), "--ga", "22", "-o", str(tmp_path / "folded"), f"--time-step={step}"]
+    command += ["--force"]
     assert main(command) == 1
     assert words in capsys.readouterr().err
 
@@ -480,7 +481,7 @@ def test_a_fold_that_was_killed_goes_on_with_the_age_of_its_file(tmp_path):
     assert main(["phantom", "--ga", "24", "--subdivisions", "4", "-o", str(tmp_path / "x.surf.gii")]) == 0
     mesh = ["mesh", str(tmp_path / "x.surf.gii"), "--ga", "24", "--cell-size", "4", "-o", str(tmp_path / "x.vtu")]
     assert main(mesh) == 0
-    command = ["fold", str(tmp_path / "x.vtu"), "-o", str(tmp_path / "folded"), "--end", "24.1"]
+    command = ["fold", str(tmp_path / "x.vtu"), "-o", str(tmp_path / "folded"), "--end", "24.1", "--force"]
     killed = "import os, sys; from pathlib import Path; from cortet.cli import main; from cortet.folding import fold\n"
     killed += "fold.write_series = lambda *_: setattr(Path, 'replace', lambda *_: os._exit(9)); main(sys.argv[1:])"
     # ends as if it were killed while it writes the file after the first frame

@@ -143,7 +143,7 @@ def test_published_setting_is_the_papers_and_single_keys_override_it():
         ({"fold": {"end": 400}}, "fold.end = 400: Input should be less than or equal to 60"),
         ({"fold": {"regions": {1: [1, float("nan"), 1]}}}, "fold.regions.1 = nan: Input should be a finite number"),
         ({"generate": {"facet_angle": float("nan")}}, "generate.facet_angle = nan"),
-        ({"setting": "paper"}, "setting = 'paper': Input should be 'default', 'cgal' or 'published'"),
+        ({"setting": "paper"}, "setting = 'paper': Input should be 'default', 'folding', 'cgal' or 'published'"),
         ({"generate": {"cell_size": True}}, "generate.cell_size = True: true and false are not accepted here"),
         ({"generate": {"cell_size": [1.0, False]}}, "true and false"),
         ({"biomarkers": {"seed": 1}}, "key biomarkers is gone: this study is in the folder studies/"),

@@ -25,7 +25,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     found = []
     for variant, changed in ((None, {}), ("wild", {"growth_rate": 1000.0, "end": 40.0, "record_interval": 0.5})):
         folder = tmp_path_factory.mktemp("run")
-        small = {"gestational_age": 22.0, "end": 22.1, "allow_volume": True}
+        small = {"gestational_age": 22.0, "end": 22.1, "force": True}
         fold(ball_mesh(2, radius=10.0), folder, Settings(**{**small, **changed}))
         run = {"case": "sub-a_hemi-L", "variant": variant, "cell_size_mm": 0.6, "mesher": "lattice", "hemisphere": "L"}
         found.append({**run, "folder": str(folder)})

@@ -37,9 +37,7 @@ from cortet.stages.generate import generate
 
 SPHERE5 = Path(__file__).parents[3] / "shared/data/tallinen/sphere5.mesh"
 #: a quick run: half a week, a row every tenth, a frame every fifth of one
-QUICK = Settings(
-    gestational_age=22.0, allow_volume=True, end=22.5, thickness=3.0, record_interval=0.1, frame_interval=0.2
-)
+QUICK = Settings(gestational_age=22.0, force=True, end=22.5, thickness=3.0, record_interval=0.1, frame_interval=0.2)
 
 
 @pytest.fixture(scope="module")
@@ -170,7 +168,7 @@ def test_what_a_killed_process_was_writing_is_deleted_by_the_next(ball, tmp_path
     for file in others:
         file.touch()
     assert len(list(tmp_path.rglob(".*"))) == 4
-    fold(ball, tmp_path, Settings(gestational_age=22.0, allow_volume=True, end=22.2, thickness=3.0))
+    fold(ball, tmp_path, Settings(gestational_age=22.0, force=True, end=22.2, thickness=3.0))
     assert sorted(tmp_path.rglob(".*")) == sorted(others)
 
 
@@ -184,7 +182,7 @@ def test_a_checkpoint_of_another_run_is_not_used(ball, tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         fold(ball, tmp_path, QUICK, killed)
     steps: list[int] = []
-    other = Settings(gestational_age=22.0, allow_volume=True, end=22.4, thickness=3.0)
+    other = Settings(gestational_age=22.0, force=True, end=22.4, thickness=3.0)
     fold(ball, tmp_path, other, lambda measurements, *_: steps.append(measurements.step))
     assert steps[0] == 0
     assert len(list((tmp_path / "frames").iterdir())) == 2  # nothing is left of the first

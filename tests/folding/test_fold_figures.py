@@ -29,7 +29,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A ball folded for two tenths of a week by the command."""
     folder = tmp_path_factory.mktemp("run")
     vtu.write(ball_mesh(2, radius=10.0), folder / "ball.vtu")
-    (folder / "fold.yaml").write_text("fold: {allow_volume: true, thickness: 3, frame_interval: 0.1}\n")
+    (folder / "fold.yaml").write_text("fold: {force: true, thickness: 3, frame_interval: 0.1}\n")
     write_surface(ball_surface(3, radius=14.0), folder / "real.surf.gii")
     options = ["--ga", "22", "--hemi", "L", "--end", "22.2", "--config", str(folder / "fold.yaml"), "--threads", "1"]
     options += ["--real", f"22.3={folder / 'real.surf.gii'}"]

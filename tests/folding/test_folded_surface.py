@@ -41,7 +41,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     image.darrays[0].meta["AnatomicalStructureSecondary"] = "GrayWhite"
     path.write_bytes(image.to_xml())
     assert main(["mesh", str(path), "--ga", str(START), "--cell-size", "3.5", "-o", str(folder / "x.vtu")]) == 0
-    command = ["fold", str(folder / "x.vtu"), "--end", str(END), "--surfaces", f"{START:g},{END:g}"]
+    command = ["fold", str(folder / "x.vtu"), "--end", str(END), "--surfaces", f"{START:g},{END:g}", "--force"]
     assert main([*command, "-o", str(folder / "folded")]) == 0
     return folder
 
@@ -57,7 +57,7 @@ def frame(folder: Path) -> TetMesh:
 
 def test_the_stress_is_the_one_that_moves_the_nodes():
     """Exactly so where elements are not smoothed."""
-    settings = Settings(gestational_age=22.0, allow_volume=True, end=23.0, thickness=3.0, model="braingrowth")
+    settings = Settings(gestational_age=22.0, force=True, end=23.0, thickness=3.0, model="braingrowth")
     run = prepared(ball_mesh(2, radius=10.0), settings)
     moment = beginning(run)
     advance_to(run, moment, time_of(22.3))
@@ -121,7 +121,17 @@ def test_a_fold_of_another_mesh_is_refused(folder):
 
 
 def test_weeks_that_a_fold_does_not_reach_are_refused(folder, capsys):
-    command = ["fold", str(folder / "x.vtu"), "--end", "29", "--surfaces", "28.5,34", "-o", str(folder / "later")]
+    command = [
+        "fold",
+        str(folder / "x.vtu"),
+        "--end",
+        "29",
+        "--surfaces",
+        "28.5,34",
+        "-o",
+        str(folder / "later"),
+        "--force",
+    ]
     assert main(command) == 1
     assert "28 to 29 weeks, not to 34" in capsys.readouterr().err
     assert not (folder / "later").exists()
@@ -129,7 +139,9 @@ def test_weeks_that_a_fold_does_not_reach_are_refused(folder, capsys):
 
 def test_a_new_fold_deletes_what_an_earlier_one_left_in_its_folder(folder, tmp_path, caplog):
     """Maps of other weeks, or of another mesh, would pass for its own. Files of the user stay."""
-    command = ["fold", str(folder / "x.vtu"), "-o", str(tmp_path / "again"), "--end"]
+    (tmp_path / "map.yaml").write_text("fold: {picture: depth, force: true}")
+    command = ["fold", str(folder / "x.vtu"), "-o", str(tmp_path / "again"), "--config", str(tmp_path / "map.yaml")]
+    command += ["--end"]
     assert main([*command, "28.2", "--surfaces", "28.2"]) == 0
     kept = tmp_path / "again/mine_week-28.2_depth.shape.gii"
     kept.write_bytes((tmp_path / "again/x_week-28.2_depth.shape.gii").read_bytes())
@@ -140,8 +152,7 @@ def test_a_new_fold_deletes_what_an_earlier_one_left_in_its_folder(folder, tmp_p
     assert main([*command, "28.1"]) == 1
     assert "replaced" not in caplog.text
     frame.unlink()
-    (tmp_path / "map.yaml").write_text("fold: {picture: depth, allow_volume: true}")
-    assert main([*command, "28.1", "--surfaces", "28.1", "--config", str(tmp_path / "map.yaml")]) == 0
+    assert main([*command, "28.1", "--surfaces", "28.1"]) == 0
     assert f"again: an earlier fold is replaced (frames: 2, surfaces and maps: {len(MEASURES) + 1})" in caplog.text
     assert {path.name for files in weeks_in(tmp_path / "again") for path in files} == {
         kept.name,

@@ -29,7 +29,7 @@ from cortet.solver_files.names import growth_field
 
 THIN = Settings(
     gestational_age=22.0,
-    allow_volume=True,
+    force=True,
     end=22.5,
     thickness=3.0,
     record_interval=0.5,

@@ -138,7 +138,7 @@ def rows_of(mesh: TetMesh, folder: Path, settings: Settings) -> list[Measurement
 
 
 def test_a_ball_grows_as_a_brain_of_its_age_and_stays_a_ball(ball, tmp_path):
-    chosen = Settings(gestational_age=22.0, allow_volume=True, end=23.0, thickness=2.0, envelope=False)
+    chosen = Settings(gestational_age=22.0, force=True, end=23.0, thickness=2.0, envelope=False)
     rows = rows_of(ball, tmp_path, chosen.with_keys(record_interval=0.25))
     expected = usual(VOLUME, np.array([row.gestational_age for row in rows])) / usual(VOLUME, AGES[:1])
     assert [row.volume_mm3 / rows[0].volume_mm3 for row in rows] == pytest.approx(expected, rel=0.01)
@@ -149,7 +149,7 @@ def test_a_ball_grows_as_a_brain_of_its_age_and_stays_a_ball(ball, tmp_path):
 
 
 def test_an_envelope_holds_back_what_grows_out_of_it(ball, tmp_path):
-    chosen = Settings(gestational_age=22.0, allow_volume=True, end=23.0, thickness=2.0, hull={22.0: 1.0, 23.0: 1.05})
+    chosen = Settings(gestational_age=22.0, force=True, end=23.0, thickness=2.0, hull={22.0: 1.0, 23.0: 1.05})
     hulls = []
     for envelope in (False, True):
         rows = rows_of(ball, tmp_path / str(envelope), chosen.with_keys(envelope=envelope))

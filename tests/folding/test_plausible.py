@@ -54,7 +54,7 @@ def with_wall(mesh: TetMesh) -> TetMesh:
     [
         (lambda left: left, LEFT),
         (lambda left: placed(left, -1, 2, 3), RIGHT),
-        (lambda left: scaled(left, 0.6), LEFT.with_keys(allow_volume=True)),
+        (lambda left: scaled(left, 0.6), LEFT.with_keys(force=True)),
         (lambda left: left, Settings(gestational_age=26.0)),  # half of a brain, which half is not said
         (with_wall, RIGHT),  # a mesh that marks its medial wall is believed
     ],
@@ -73,7 +73,7 @@ def test_a_hemisphere_of_the_age_in_its_place_is_not_doubted(left, change, setti
         (lambda left: scaled(left, 1e-3), LEFT, " metres"),
         (lambda left: scaled(left, 1e3), LEFT, "micrometres"),
         (lambda left: scaled(left, 0.6), LEFT, " 26 weeks"),
-        (in_two_pieces, LEFT.with_keys(allow_volume=True), "2 separate pieces"),
+        (in_two_pieces, LEFT.with_keys(force=True), "2 separate pieces"),
     ],
 )
 def test_what_is_no_hemisphere_of_the_age_in_its_place_is_refused(left, change, settings, word):
@@ -93,15 +93,18 @@ def test_of_a_round_body_no_side_is_certain():
     assert [words for words in check_mesh(cut, RIGHT) if "use --hemi L" in words]
 
 
-def test_cells_as_coarse_as_the_cortex_are_doubted(left):
-    (doubt,) = check_cells(prepared(left, LEFT))
+def test_cells_as_coarse_as_the_cortex_are_refused_unless_forced(left):
+    run = prepared(left, LEFT)
+    with pytest.raises(InputError, match="setting folding"):
+        check_cells(run, LEFT)
+    (doubt,) = check_cells(run, LEFT.with_keys(force=True))
     assert "cells" in doubt
-    assert check_cells(prepared(left, LEFT.with_keys(thickness=8.0))) == []
+    assert check_cells(prepared(left, LEFT.with_keys(thickness=8.0)), LEFT) == []
 
 
 def test_a_fold_says_its_doubts_and_begins_none_that_is_refused(left, tmp_path):
     said: list[str] = []
-    fold(left, tmp_path, LEFT.with_keys(end=26.001), say=said.append)
+    fold(left, tmp_path, LEFT.with_keys(end=26.001, force=True), say=said.append)
     assert said[-1].startswith("warning: the cells are ")
     assert json.loads((tmp_path / "verdict.json").read_text())["warnings"] == [said[-1].removeprefix("warning: ")]
     with pytest.raises(InputError, match="hemisphere R"):

@@ -28,9 +28,7 @@ from cortet.measure.quality import quality as q_of
 from cortet.meshes import REGION, FloatArray, TetMesh
 
 UNIT, MATERIAL, NOTHING = Scale(np.zeros(3), 1.0), Material(mu_core=1.0), tangential([0.0])
-YIELDS = Settings(
-    gestational_age=22.0, allow_volume=True, end=22.5, thickness=3.0, core_relaxation=0.5, record_interval=0.1
-)
+YIELDS = Settings(gestational_age=22.0, force=True, end=22.5, thickness=3.0, core_relaxation=0.5, record_interval=0.1)
 
 
 def core(mesh: TetMesh) -> Body:

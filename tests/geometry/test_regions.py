@@ -273,7 +273,7 @@ def test_the_outer_region_is_what_grows_in_the_direction_across_it(meshed):
 
 
 def test_a_mesh_of_two_regions_folds(meshed, tmp_path):
-    verdict = fold(meshed.mesh, tmp_path, Settings(gestational_age=22.0, allow_volume=True, end=22.2))
+    verdict = fold(meshed.mesh, tmp_path, Settings(gestational_age=22.0, force=True, end=22.2))
     assert verdict.outcome == "folded" and verdict.thickness_mm > 1
 
 

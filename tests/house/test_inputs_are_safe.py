@@ -94,7 +94,7 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_fields({"t": surface.points[:, 0]}, folder / "x.shape.gii")
     around = np.array([[1, 0, 0, -20], [0, 1, 0, -20], [0, 0, 1, -20], [0, 0, 0, 1.0]])
     write_volume(np.ones((40, 40, 40), np.int16), around, folder / "x_dseg.nii.gz")
-    (folder / "settings.yaml").write_text("generate:\n  cell_size: 5.0\n")
+    (folder / "settings.yaml").write_text("generate: {cell_size: 5.0}\nfold: {force: true}\n")
     (folder / "ds/participants.tsv").write_text("participant_id\tscan_age\nsub-1\t24\n")
     (folder / "ds/dataset_description.json").write_text(json.dumps({"Name": "raw", "BIDSVersion": "1.9.0"}))
     for end in (".vtu", ".inp", ".pts"):
@@ -116,7 +116,7 @@ def contents(folder: Path, names: Iterable[str] = ()) -> dict[str, bytes]:
 #: ways to name a file of the user
 SPELLINGS = ("{0}", "ds/../{0}", "{link}/{0}")
 #: a command in a folder with a mesh of cortet's
-FOLD = "fold x.vtu --ga 20 --end 20.001 -o f"
+FOLD = "fold x.vtu --ga 20 --end 20.001 --config fold.yaml -o f"
 
 
 def run(words: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> int:
@@ -184,6 +184,7 @@ def test_an_uncertified_mesh_leaves_nothing_of_an_earlier_one(tmp_path, monkeypa
 def mesh_of_a_ball(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("meshed")
     write_surface(ball_surface(3, 14.0), folder / "a.surf.gii")
+    (folder / "fold.yaml").write_text("fold: {force: true}\n")
     with pytest.MonkeyPatch.context() as patch:
         assert run("mesh a.surf.gii --cell-size 5 -o x.vtu", folder, patch) == 0
     return folder

@@ -59,7 +59,7 @@ def test_help_has_shapes_an_example_and_types(name, folder, tmp_path, monkeypatc
 
 
 def test_a_fold_shows_itself_in_three_lines(folder):
-    folded = cortet.fold(folder / "x.vtu", end=28.1, progress=False)
+    folded = cortet.fold(folder / "x.vtu", end=28.1, force=True, progress=False)
     assert repr(folded).startswith("<Folded: folded from 28.00 to 28.10 weeks") and repr(folded).count("\n") == 2
     assert typing.get_type_hints(cortet.Folded)["folder"] is Path
 

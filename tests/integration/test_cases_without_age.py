@@ -23,7 +23,7 @@ def test_a_case_without_an_age_runs_beside_one_with_an_age(tmp_path):
     study.add_case(replace(study.case("b"), scan_age=None, inner={"white": inner}), surface(1))
     one = surface(1)
     write_surface(replace(one, points=0.6 * one.points), inner)
-    study.config["fold"] = {"cases": "all", "allow_volume": True}
+    study.config["fold"] = {"cases": "all", "force": True}
     assert {case for rule, case in study.planned_jobs() if rule == "fold"} == {"sub-a"}
 
     study.config["fold"] = {}

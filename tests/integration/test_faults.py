@@ -68,7 +68,7 @@ def test_every_job_killed_in_its_last_moment_is_done_again_with_the_same_bits(fi
 def test_a_twin_whose_jobs_were_killed_has_the_same_bits_after_the_other_stages_and_folded(tmp_path):
     study = Study(tmp_path)
     study.config |= {"resample": {"subdivisions": 3}, "smooth_boundary": {"enabled": True}, "snap": {"enabled": True}}
-    study.config["fold"] = {"cases": "all", "allow_volume": True, "end": 24.1, "thickness": 3.0}
+    study.config["fold"] = {"cases": "all", "force": True, "end": 24.1, "thickness": 3.0}
     egg = surface(0)
     for twin in "ab":
         inner, sphere = (tmp_path / f"surfaces/{twin}_{what}.surf.gii" for what in ("white", "sphere"))

@@ -17,7 +17,7 @@ pytestmark = pytest.mark.thorough
 def test_all_cases_are_folded_under_every_variant(study):
     real = shutil.copy(study.folder / "surfaces/a.surf.gii", study.folder / "real_L.surf.gii")
     study.config["fold"] = {
-        "allow_volume": True,
+        "force": True,
         "cases": "all",
         "real_surfaces": {24.2: "real_{hemi}.surf.gii"},
         "end": 24.2,

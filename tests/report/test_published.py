@@ -57,3 +57,5 @@ def test_numbers_of_real_brains_fit_together():
     healthy = fold_figures.healthy_hemispheres()
     assert len(healthy) == 17 and set(healthy["hemi"]) == {"L", "R"} and set(healthy["surface_type"]) == {"white"}
     assert not healthy["surface"].str.startswith("SB_").any()
+    fetuses = fold_figures.healthy_fetuses()
+    assert len(fetuses) == 8 and not fetuses["surface"].str.contains("dhcp|week40").any()

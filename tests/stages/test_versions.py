@@ -90,7 +90,7 @@ def floating_ball() -> TetMesh:
 def folded_ball() -> TetMesh:
     """A ball whose skin has grown for a week."""
     with tempfile.TemporaryDirectory() as folder:
-        settings = Settings(gestational_age=22.0, allow_volume=True, end=23.0, thickness=3.0)
+        settings = Settings(gestational_age=22.0, force=True, end=23.0, thickness=3.0)
         fold(ball_mesh(2, radius=10.0), Path(folder), settings)
         return vtu.read(sorted(Path(folder).glob("frames/*.vtu"))[-1])
 

@@ -39,7 +39,7 @@ from cortet.stages.transfer import transfer
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 SETTINGS = Settings(
-    allow_volume=True, gestational_age=22.0, end=23.0, thickness=3.0, record_interval=0.5, frame_interval=0.5,
+    force=True, gestational_age=22.0, end=23.0, thickness=3.0, record_interval=0.5, frame_interval=0.5,
     envelope=False,
 )  # fmt: skip
 
