@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from cortet.formats.tables import Column, described, headed, names, read_columns, sidecar, values, write_table
+from cortet.formats.tables import Column, described, sidecar, values, write_table
 
 DEPTH = Column("depth_mm", "How deep", "mm", limit="< 3", heading="Depth (mm)", form=".1f")
 SIDE = Column("side", "Which side", levels={"L": "left", "R": "right"}, heading="Side")
@@ -27,13 +27,6 @@ def test_a_form_may_be_a_function_of_the_row_and_without_one_the_text_is_that_of
     assert Column("a").text({"a": 1 / 3}) == "0.333333" and Column("a").number({"a": 1}) is None
 
 
-def test_readers_see_columns_with_a_heading_and_the_last_of_a_name():
-    columns = [Column("hidden"), SIDE, DEPTH, Column("side", "better", heading="Side")]
-    assert names(headed(columns)) == ["side", "depth_mm"]
-    assert names(headed(columns, first=("depth_mm", "absent"))) == ["depth_mm", "side"]
-    assert headed(columns)[0].description == "better"
-
-
 def test_a_sidecar_has_what_is_known_and_nothing_empty(tmp_path):
     write_table([DEPTH, SIDE], [{"side": "L", "other": 1}], tmp_path / "t.tsv", tmp_path / "t.json")
     assert (tmp_path / "t.tsv").read_text() == "depth_mm\tside\nn/a\tL\n"
@@ -50,8 +43,3 @@ def test_values_stand_at_the_places_of_a_record_and_are_missing_where_it_has_non
     found = values(columns, records)
     assert list(found) == ["q_max", "above", "case"] and found["q_max"].isna().tolist() == [False, True]
     assert found.loc[0].tolist() == [0.5, 3, "a"]
-
-
-def test_a_line_is_a_column(tmp_path):
-    (tmp_path / "columns.tsv").write_text("name\tform\theading\nq\t.3f\tWorst q\ncase\tn/a\tn/a\n")
-    assert read_columns(tmp_path / "columns.tsv") == (Column("q", form=".3f", heading="Worst q"), Column("case"))

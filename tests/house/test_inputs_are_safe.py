@@ -176,6 +176,7 @@ def test_an_uncertified_mesh_leaves_nothing_of_an_earlier_one(tmp_path, monkeypa
     (tmp_path / "x.notes").write_text("mine")
     (tmp_path / "strict.yaml").write_text("certify:\n  q_max: 0.01\n")
     assert run("mesh a.surf.gii --cell-size 5 --config strict.yaml -o x.pts", tmp_path, monkeypatch) == 1
+    assert json.loads((tmp_path / "x.certificate.json").read_text())["certified"] is False
     left = {"a.surf.gii", "strict.yaml", "x.notes", "x.certificate.json", "x.meshed.surf.gii"}
     assert {path.name for path in tmp_path.iterdir()} == {*left, MANIFEST}
 

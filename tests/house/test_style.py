@@ -50,8 +50,3 @@ def test_kernels_divide_as_ieee_says_and_raise_nothing(kernels):
     """A flat element somewhere in a search has an infinite mu; it does not end the run."""
     text = kernels.read_text()
     assert text.count('error_model="numpy"') == len(re.findall(r"\bnjit\(", text))
-
-
-@pytest.mark.parametrize("script", ["tools/setup.sh", "tools/lock.sh", "tools/check.sh", "tools/slurm.sh", ".ci/run"])
-def test_shell_scripts_parse(script):
-    assert subprocess.run(["bash", "-n", ROOT / script], check=False).returncode == 0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import re
-from dataclasses import replace
 from pathlib import Path
 
 from tests.integration.study import Study, surface, twice
@@ -61,12 +60,3 @@ def test_a_failed_case_has_a_page_until_it_is_mended(study):
     page = page_of(study, "double")
     assert ("case_page", "sub-double") in study.jobs_of_run(str(page.relative_to(study.folder)))
     assert "What went wrong" not in page.read_text()
-
-
-def test_a_cohort_in_which_every_case_failed_has_its_pages(study):
-    study.write_cases([replace(case, surface=study.folder / "none.surf.gii") for case in study.cases()])
-    study.jobs_of_run(succeeds=False)
-    assert set(linked(study)) == {"sub-a_hemi-L", "sub-b_hemi-L"}
-    assert "no such file" in page_of(study, "a").read_text()
-    assert len(pictured(study)) == 2, "empty ones"
-    assert "certificate.json" in study.results("a"), "its surface may come back"

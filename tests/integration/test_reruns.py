@@ -86,11 +86,6 @@ def test_a_result_that_was_deleted_is_made_again_even_for_the_tables_alone(study
     assert (rule, "sub-a") in study.planned_jobs("cohort_tables")
 
 
-def test_an_edited_surface_reruns_its_case_and_the_tables(study):
-    scaled(study.folder / "surfaces/a.surf.gii", 1.05)
-    assert study.planned_jobs() == jobs(FROM_GATE, "a") | COHORT
-
-
 def test_a_new_row_runs_one_case_and_the_tables(study):
     study.add_case(study.case("c"), surface(2))
     assert study.planned_jobs() == jobs(FROM_GATE, "c") | COHORT
