@@ -61,7 +61,7 @@ REFUSED = [
     ("run in out --formats vtu,,inp", 2, "usage: cortet"),
     ("job x.inp -o job", 2, "examples/calculix.py"),
     ("mesh ball.surf.gii -o y.vtu --slices y.png", 2, "--slices"),
-    ("mesh ball.surf.gii -o y.vtu --inner a=a.gii --inner a=b.gii", 2, "--inner"),
+    ("mesh ball.surf.gii -o y.vtu --inner a=a.gii --inner a=b.gii", 2, "--inner names a"),
     ("growth a.gii b.gii --ages 30 28 -o y.func.gii", 2, "later age"),
     ("workflow .", 1, "not empty"),
     ("cohort scan none -o sheet.tsv", 1, "none: no such folder"),

@@ -52,6 +52,10 @@ STACK = 'Current thread 0x00007f (most recent call first):\n  File "/x/a.py", li
     [
         ("Traceback ...\n10:01 ERROR a.gii: is open\n  edge 3\n", "a.gii: is open;   edge 3"),
         (STACK, "stopped from outside, at its time limit or by hand, in fill, line 3 of /x/a.py"),
+        (
+            f"Timeout (0:00:01)!\n{STACK}",
+            "took longer than 0:00:01 (hours:minutes:seconds), the time_limit, in fill, line 3 of /x/a.py",
+        ),
         ("Traceback ...\nKeyboardInterrupt\n", "stopped by you"),
         ("", "ended without a message: killed, or out of memory or time"),
         (None, "ended without a message: killed, or out of memory or time"),

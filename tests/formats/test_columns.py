@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from cortet.formats.tables import Column, described, sidecar, values, write_table
+from cortet.formats.tables import Column, described, headed, names, sidecar, values, write_table
 
 DEPTH = Column("depth_mm", "How deep", "mm", limit="< 3", heading="Depth (mm)", form=".1f")
 SIDE = Column("side", "Which side", levels={"L": "left", "R": "right"}, heading="Side")
@@ -25,6 +25,13 @@ def test_a_form_may_be_a_function_of_the_row_and_without_one_the_text_is_that_of
     both = Column("a", heading="a + b", form="{a} + {b}".format_map)
     assert both.text({"a": 1, "b": 2}) == "1 + 2"
     assert Column("a").text({"a": 1 / 3}) == "0.333333" and Column("a").number({"a": 1}) is None
+
+
+def test_readers_see_columns_with_a_heading_and_the_last_of_a_name():
+    columns = [Column("hidden"), SIDE, DEPTH, Column("side", "better", heading="Side")]
+    assert names(headed(columns)) == ["side", "depth_mm"]
+    assert names(headed(columns, first=("depth_mm", "absent"))) == ["depth_mm", "side"]
+    assert headed(columns)[0].description == "better"
 
 
 def test_a_sidecar_has_what_is_known_and_nothing_empty(tmp_path):

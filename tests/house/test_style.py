@@ -14,6 +14,7 @@ RULES = ["Snakefile", *(str(path.relative_to(ROOT)) for path in sorted(ROOT.glob
 KERNELS = [path for path in sorted(ROOT.glob("cortet/**/*.py")) if "njit(" in path.read_text()]
 
 
+@pytest.mark.thorough  # `make check` has them, too
 @pytest.mark.parametrize(
     "command",
     [
