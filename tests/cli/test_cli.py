@@ -38,58 +38,61 @@ def ball(tmp_path: Path) -> Path:
     return tmp_path / "ball.surf.gii"
 
 
-def test_the_command_starts_without_loading_anything_heavy():
-    code = (
-        "import sys; from cortet.cli import main; main(['--help']); main(['fold', '--help']); "
-        "print(*{'numpy', 'numba', 'gmsh', 'pyvista', 'pydantic', 'scipy', 'pandas', 'nibabel'} & set(sys.modules))"
-    )
-    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
-    assert "cortet fold --status DIR" in shown and not shown.splitlines()[-1]
-
-
-def test_neither_the_package_nor_a_job_loads_the_library_of_the_command():
-    code = "import sys, cortet.pipeline, cortet.cohort.jobs, cortet.api; print('cyclopts' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "False\n"
+HEAVY = ("numpy", "numba", "gmsh", "pyvista", "pydantic", "scipy", "pandas", "nibabel")
 
 
 @pytest.mark.parametrize(
-    "arguments",
+    ("code", "absent"),
     [
-        [],
-        ["mesh"],
-        ["mesh", "x.gii"],
-        ["phantom", "--ga", "old", "-o", "x"],
-        ["run", "in", "out", "--formats", "vtu,,inp"],
-        ["cohort"],
-        ["unknown"],
-        ["job", "x.inp", "-o", "job"],
+        ("from cortet.cli import main; main(['--help']); main(['fold', '--help'])", HEAVY),
+        ("import cortet.pipeline, cortet.cohort.jobs, cortet.api", ["cyclopts"]),  # which is the command's
     ],
 )
-def test_wrong_usage_exits_with_2(arguments, capsys):
-    with pytest.raises(SystemExit) as stopped:
-        main(arguments)
-    told = capsys.readouterr().err
-    assert stopped.value.code == 2 and "usage: cortet" in told
-    assert ("examples/calculix.py" in told) == (arguments[:1] == ["job"])
+def test_the_command_and_a_job_load_only_what_they_use(code, absent):
+    asked = f"import sys; {code}; print(*set({absent}) & set(sys.modules))"
+    shown = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True).stdout
+    assert not shown.splitlines()[-1]
 
 
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        ("mesh x.surf.gii -o y.vtu --slices y.png", "--slices needs a volume"),
-        ("mesh x.surf.gii -o y.vtu --inner a=a.gii --inner a=b.gii", "--inner names a twice"),
-        ("growth a.gii b.gii --ages 30 28 -o y.func.gii", "not an early and a later age"),
-    ],
-)
-def test_options_that_do_not_go_together_are_wrong_usage(words, told, capsys):
-    assert main(words.split()) == 2
-    assert told in capsys.readouterr().err
+#: words of a command beside `ball.surf.gii` and `ball.vtu`, its exit code, and a keyword of its complaint
+REFUSED = [
+    *((words, 2, "usage: cortet") for words in ("", "mesh", "mesh x.gii", "cohort", "unknown")),
+    ("phantom --ga old -o x", 2, "usage: cortet"),
+    ("run in out --formats vtu,,inp", 2, "usage: cortet"),
+    ("job x.inp -o job", 2, "examples/calculix.py"),
+    ("mesh ball.surf.gii -o y.vtu --slices y.png", 2, "--slices"),
+    ("mesh ball.surf.gii -o y.vtu --inner a=a.gii --inner a=b.gii", 2, "--inner names a"),
+    ("growth a.gii b.gii --ages 30 28 -o y.func.gii", 2, "later age"),
+    ("workflow .", 1, "not empty"),
+    ("cohort scan none -o sheet.tsv", 1, "none: no such folder"),
+    ("mesh none.surf.gii -o y.vtu", 1, "none.surf.gii: cannot be read"),
+    ("mesh ball.surf.gii -o y.obj", 1, "y.obj"),
+    ("mesh ball.surf.gii -o y.vtu --cell-size 0.12345", 1, "generate.cell_size"),
+    ("mesh ball.surf.gii -o y.vtu --config none.yaml", 1, "none.yaml: cannot be read"),
+    ("mesh ball.surf.gii -o y.vtu --field thickness=none.shape.gii", 1, "none.shape.gii"),
+    *((words, 1, "is a folder") for words in ("quality ''", "certify .", "picture '' -o y.png")),
+    *((f"fold ball.vtu --ga 22 -o y --time-step={step}", 1, "time") for step in ("1", "1e-7", "1e-9")),
+    ("verify ball.vtu", 2, "cortet certify"),
+    ("convert ball.vtu y.vtk", 1, ".vtu"),
+    ("convert ball.vtu y.bpts", 1, ".pts"),
+    ("convert x.feb y.vtu", 1, ".vtu"),
+    ("run sheet.tsv out --formats gmsh_v2", 2, "gmsh"),
+]
 
 
-def test_a_folder_for_a_workflow_must_be_empty_and_nothing_forces_it(tmp_path, capsys):
-    (tmp_path / "notes.txt").touch()
-    assert main(["workflow", str(tmp_path)]) == 1
-    assert "is not empty (name an empty or a new folder)" in capsys.readouterr().err
+@pytest.mark.parametrize(("words", "code", "keyword"), REFUSED)
+def test_what_cannot_be_done_is_refused_before_any_work(words, code, keyword, ball, monkeypatch, capsys):
+    monkeypatch.chdir(ball.parent)
+    vtu.write(ball_mesh(2, radius=20.0), ball.with_name("ball.vtu"))
+    before = sorted(ball.parent.iterdir())
+    try:
+        ended = main(shlex.split(words))
+    except SystemExit as stopped:
+        ended = stopped.code
+    shown = capsys.readouterr()
+    assert (ended, keyword in shown.err, "seconds" in shown.out) == (code, True, False), shown
+    assert len(shown.err.splitlines()) == 1 or "usage" in keyword or words[:3] in ("job", "ver")
+    assert sorted(ball.parent.iterdir()) == before
 
 
 @pytest.mark.parametrize(("words", "command"), [pytest.param(*one, id=one[0]) for one in commands()])
@@ -182,16 +185,11 @@ def test_gate_gives_one_verdict_per_file(ball, tmp_path, capsys):
     assert [line.split()[:2] for line in refused] == [["refused", f"{opened}:"], ["refused", f"{empty}:"]]
     assert "open edges" in refused[0] and refused[0].endswith(f"so does `cortet repair {opened}`")
     assert "repairable" not in refused[1]
-    assert main(["gate", str(ball)]) == 0
-
-
-def test_gate_says_what_it_mended(ball, tmp_path, capsys):
-    surface = read_surface(ball)
     faces = surface.faces.copy()
     faces[:5] = faces[:5, ::-1]
-    path = tmp_path / "turned.surf.gii"
-    write_surface(TriSurface(np.concatenate([surface.points, [[0, 0, 0]]]), faces), path)
-    assert main(["gate", str(path)]) == 0
+    turned = tmp_path / "turned.surf.gii"
+    write_surface(TriSurface(np.concatenate([surface.points, [[0, 0, 0]]]), faces), turned)
+    assert main(["gate", str(ball), str(turned)]) == 0
     assert capsys.readouterr().out.endswith("; 1 unused vertices dropped; 5 faces turned outward\n")
 
 
@@ -212,35 +210,9 @@ def test_repair_writes_surface_report_and_picture(ball, tmp_path, capsys):
     assert np.array_equal(read_surface(out).points, surface.points)
 
     write_surface(TriSurface(surface.points, surface.faces[surface.points[surface.faces, 2].max(axis=1) < 15]), broken)
-    assert main(["repair", str(broken), "-o", str(out), "--config", str(_limits(tmp_path))]) == 1
-    assert "up to 5 mm" in capsys.readouterr().err
-
-
-def _limits(folder: Path) -> Path:
-    path = folder / "limits.yaml"
-    path.write_text("repair: {max_hole: 5.0}\n")
-    return path
-
-
-def test_an_error_is_one_line_on_stderr(tmp_path, capsys):
-    assert main(["mesh", str(tmp_path / "none.surf.gii"), "-o", str(tmp_path / "x.vtu")]) == 1
-    shown = capsys.readouterr()
-    assert shown.err.startswith(f"cortet: {tmp_path / 'none.surf.gii'}: cannot be read")
-    assert len(shown.err.splitlines()) == 1
-
-
-@pytest.mark.parametrize(
-    ("options", "complaint"),
-    [
-        (["-o", "x.obj"], "does not write"),
-        (["-o", "x.vtu", "--cell-size", "0.12345"], "generate.cell_size"),
-        (["-o", "x.vtu", "--config", "none.yaml"], "none.yaml: cannot be read"),
-        (["-o", "x.vtu", "--field", "thickness=none.shape.gii"], "none.shape.gii"),
-    ],
-)
-def test_bad_options_are_refused_before_any_work(options, complaint, ball, capsys):
-    assert main(["mesh", str(ball), *options]) == 1
-    assert complaint in capsys.readouterr().err
+    (tmp_path / "limits.yaml").write_text("repair: {max_hole: 5.0}\n")
+    assert main(["repair", str(broken), "-o", str(out), "--config", str(tmp_path / "limits.yaml")]) == 1
+    assert "5 mm" in capsys.readouterr().err
 
 
 def test_quality_prints_a_table_and_the_record_on_request(tmp_path, capsys):
@@ -262,24 +234,17 @@ def test_config_prints_a_configuration_that_can_be_used(tmp_path, capsys):
     assert load(tmp_path / "c.yaml") == load({"setting": "published"})
 
 
-def test_a_release_that_does_not_exist_is_named(tmp_path, capsys):
-    assert main(["cohort", "scan", str(tmp_path / "nosuch"), "-o", str(tmp_path / "sheet.tsv")]) == 1
-    assert "nosuch: no such folder (name the root of the data release)" in capsys.readouterr().err
-
-
 def test_certify_checks_a_mesh_by_its_surface(tmp_path, capsys):
     mesh = cube_mesh(3, side=6.0)
     surface, _ = boundary_surface(mesh)
     vtu.write(mesh, tmp_path / "cube.vtu")
     write_surface(TriSurface(surface.points + np.array([0, 0, 0.5]), surface.faces), tmp_path / "cube.surf.gii")
     files = [str(tmp_path / "cube.vtu"), str(tmp_path / "cube.surf.gii")]
+    assert main(["certify", *files]) == 1, "it has the limits of the workflow"
     assert main(["certify", *files, "--max-boundary-distance", "inf", "-o", str(tmp_path / "c.json")]) == 0
     assert json.loads((tmp_path / "c.json").read_text())["certified"] is True
     assert main(["certify", *files, "--max-boundary-distance", "0.4"]) == 1
-    assert (
-        "FAIL  distance of a boundary node to the surface, at most 0.5 mm, must not exceed 0.4 mm"
-        in capsys.readouterr().out
-    )
+    assert "FAIL  distance of a boundary node" in capsys.readouterr().out
     assert main(["certify", *files, "--q-max", "0.1"]) == 1
 
 
@@ -380,14 +345,6 @@ def test_cohort_scan_replaces_no_sheet_unasked(tmp_path, capsys):
     assert sheet.read_bytes().startswith(scanned)
 
 
-def test_convert_writes_the_format_of_the_name(tmp_path, capsys):
-    source, target = tmp_path / "cube.vtu", tmp_path / "cube.inp"
-    vtu.write(cube_mesh(2), source)
-    assert main(["convert", str(source), str(target), "--source-unit", "mm"]) == 0
-    assert f"{target}: written" in capsys.readouterr().out
-    assert main(["convert", str(target), str(tmp_path / "cube.obj")]) == 1
-
-
 def test_a_mesh_that_was_changed_after_cortet_wrote_it_is_told(tmp_path, capsys):
     vtu.write(cube_mesh(2), tmp_path / "a.vtu")
     exported = tmp_path / "cube.vtu"
@@ -419,40 +376,11 @@ def test_convert_scales_carp_files_as_asked(tmp_path):
     assert "2.000000000 2.000000000 2.000000000" in (tmp_path / "back.mesh").read_text()
 
 
-def test_certify_has_the_limits_of_the_workflow_and_says_them(tmp_path, capsys):
-    surface, floating = ball_surface(3, radius=20.0), ball_mesh(3, radius=20.1)
-    write_surface(surface, tmp_path / "ball.surf.gii")
-    vtu.write(floating, tmp_path / "ball.vtu")
-    command = ["certify", str(tmp_path / "ball.vtu"), str(tmp_path / "ball.surf.gii"), "--q-max", "0.999"]
-    assert main(command) == 1
-    assert "FAIL  distance of a boundary node to the surface, at most 0.1" in capsys.readouterr().out
-    assert main([*command, "--max-boundary-distance", "inf"]) == 0
-    assert "no limit" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize("words", [["quality", ""], ["certify", "."], ["picture", "", "-o", "y.png"]])
-def test_a_folder_in_place_of_a_mesh_is_refused(words, capsys):
-    assert main(words) == 1
-    assert "is a folder (name a mesh file)" in capsys.readouterr().err
-
-
 def test_a_reader_that_has_enough_is_no_error(tmp_path):
     vtu.write(cube_mesh(1), tmp_path / "cube.vtu")
     pipe = f"{sys.executable} -m cortet.cli quality {tmp_path / 'cube.vtu'} --json | head -c 1"
     done = subprocess.run(["bash", "-c", pipe], capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == ("{", "")
-
-
-@pytest.mark.parametrize(
-    ("step", "words"),
-    [("1", "time step 1 "), ("1e-7", "time step 1e-07 "), ("1e-9", "fold.time_step = 1e-09")],
-)
-def test_a_time_step_that_is_not_stable_is_refused(step, words, tmp_path, capsys):
-    vtu.write(ball_mesh(2, radius=20.0), tmp_path / "ball.vtu")
-    command = ["fold", str(tmp_path / "ball.vtu"), "--ga", "22", "-o", str(tmp_path / "folded"), f"--time-step={step}"]
-    command += ["--force"]
-    assert main(command) == 1
-    assert words in capsys.readouterr().err
 
 
 def test_a_fold_of_the_other_hemisphere_or_age_than_the_files_is_refused(tmp_path, capsys):
@@ -463,23 +391,19 @@ def test_a_fold_of_the_other_hemisphere_or_age_than_the_files_is_refused(tmp_pat
     path.write_text(text.replace("<MetaData/>", named, 1).replace("<MetaData />", named, 1))
     assert main(["mesh", str(path), "--ga", "28", "--cell-size", "5", "-o", str(tmp_path / "x.vtu")]) == 0
     assert main(["convert", str(tmp_path / "x.vtu"), str(tmp_path / "x.inp")]) == 0
-    for mesh in ("x.vtu", "x.inp"):
-        command = ["fold", str(tmp_path / mesh), "-o", str(tmp_path / "folded")]
-        assert main([*command, "--ga", "28", "--hemi", "R"]) == 1
-        assert "was made from a surface of hemisphere L" in capsys.readouterr().err
-        assert main([*command, "--ga", "22", "--hemi", "L"]) == 1
-        assert (
-            "was made for a brain of 28 weeks, as its sidecar says, not 22 (give the age 28," in capsys.readouterr().err
-        )
+    command = ["fold", str(tmp_path / "x.inp"), "-o", str(tmp_path / "folded")]
+    for more, word in ((["--ga", "28", "--hemi", "R"], "hemisphere L"), (["--ga", "22", "--hemi", "L"], "28 weeks")):
+        assert main([*command, *more]) == 1
+        assert word in capsys.readouterr().err
     sidecar_path(tmp_path / "x.inp").unlink()
-    assert main(["fold", str(tmp_path / "x.inp"), "-o", str(tmp_path / "folded")]) == 1
-    assert "does not say for which gestational age it was made (add --ga WEEKS)" in capsys.readouterr().err
+    assert main(command) == 1
+    assert "--ga" in capsys.readouterr().err
     assert not (tmp_path / "folded").exists()
 
 
 def test_a_fold_that_was_killed_goes_on_with_the_age_of_its_file(tmp_path):
-    assert main(["phantom", "--ga", "24", "--subdivisions", "4", "-o", str(tmp_path / "x.surf.gii")]) == 0
-    mesh = ["mesh", str(tmp_path / "x.surf.gii"), "--ga", "24", "--cell-size", "4", "-o", str(tmp_path / "x.vtu")]
+    assert main(["phantom", "--ga", "24", "--subdivisions", "3", "-o", str(tmp_path / "x.surf.gii")]) == 0
+    mesh = ["mesh", str(tmp_path / "x.surf.gii"), "--ga", "24", "--cell-size", "4.5", "-o", str(tmp_path / "x.vtu")]
     assert main(mesh) == 0
     command = ["fold", str(tmp_path / "x.vtu"), "-o", str(tmp_path / "folded"), "--end", "24.1", "--force"]
     killed = "import os, sys; from pathlib import Path; from cortet.cli import main; from cortet.folding import fold\n"
@@ -490,29 +414,6 @@ def test_a_fold_that_was_killed_goes_on_with_the_age_of_its_file(tmp_path):
     assert main(command) == 0
     assert not list((tmp_path / "folded").rglob(".[0-9]*"))
     assert read_tsv(tmp_path / "folded/fold.tsv").iloc[0]["gestational_age"] == "24"
-
-
-@pytest.mark.parametrize(
-    ("words", "instead"),
-    [
-        ("verify x.inp", "cortet certify"),
-        ("convert x.vtu x.vtk", "write .vtu"),
-        ("convert x.vtu x.bpts", "write .pts"),
-        ("convert x.feb y.vtu", "give the .vtu"),
-        ("convert x.mesh y.inp", "give the .vtu"),
-        ("run sheet.tsv out --formats vtk", "use vtu"),
-        ("run sheet.tsv out --formats gmsh_v2", "use gmsh"),
-    ],
-)
-def test_who_asks_for_what_went_is_told_what_to_use_instead(words, instead, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    vtu.write(cube_mesh(2, side=40.0), tmp_path / "x.vtu")
-    for name in ("x.feb", "x.mesh"):
-        (tmp_path / name).write_text("a mesh\n")
-    with contextlib.suppress(SystemExit):
-        assert main(words.split()) == 1
-    said = capsys.readouterr().err
-    assert instead in said and len(said.splitlines()) == 1
 
 
 def test_meshes_of_one_surface_are_compared_by_the_same_limits(tmp_path, capsys):

@@ -54,13 +54,10 @@ def test_a_folder_that_cannot_be_written_to_is_named(tmp_path):
         hold(tmp_path / "file" / "out")
 
 
-def test_asking_whether_a_folder_is_free_writes_nothing(tmp_path):
+def test_asking_whether_a_folder_is_free_writes_nothing_and_the_text_of_a_lock_counts_for_nothing(tmp_path):
     require_free(tmp_path / "new")
     require_free(tmp_path)
     assert not list(tmp_path.iterdir())
-
-
-def test_the_text_of_a_lock_that_nobody_holds_counts_for_nothing(tmp_path):
     text = f"process {os.getppid()} on {socket.gethostname()}, started in /somewhere"
     (tmp_path / NAME).write_text(text)
     assert not is_held_by_parent(tmp_path)

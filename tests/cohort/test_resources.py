@@ -28,13 +28,6 @@ from cortet.stages.generate import generate
 ROOT = Path(__file__).parents[2]
 
 
-def test_tetrahedra_grow_with_the_volume_and_the_cube_of_the_cell_size():
-    assert expected_tets(50.0, 1.0, "cgal") == pytest.approx(4.2 * 50_000)
-    assert expected_tets(100.0, 1.0, "cgal") == 2 * expected_tets(50.0, 1.0, "cgal")
-    assert expected_tets(50.0, 0.5, "cgal") == pytest.approx(8 * expected_tets(50.0, 1.0, "cgal"))
-    assert expected_tets(50.0, 1.0, "netgen") == expected_tets(50.0, 1.0, "cgal") > expected_tets(50.0, 1.0, "lattice")
-
-
 def test_a_surface_of_unknown_age_may_be_as_large_as_an_adult_one():
     assert expected_volume_ml(None) > expected_volume_ml(60.0)
     assert expected_volume_ml(None, whole=True) == 2 * expected_volume_ml(None)
@@ -55,12 +48,6 @@ def test_a_ball_has_about_as_many_tetrahedra_as_expected(mesher):
 )
 def test_no_template_is_larger_than_expected_of_its_age(weeks, volume_ml):
     assert volume_ml <= expected_volume_ml(weeks) == expected_volume_ml(weeks, whole=True) / 2
-
-
-def test_a_killed_job_asks_for_twice_the_memory():
-    first = memory_to_ask_mb(1000.0)
-    assert isinstance(first, int) and first > 1000
-    assert [memory_to_ask_mb(1000.0, attempt) for attempt in (2, 3)] == [2 * first, 4 * first]
 
 
 def test_a_mesh_that_was_measured_fits_into_what_is_asked_for():

@@ -111,22 +111,6 @@ def test_a_program_that_is_called_and_missing_is_named_before_anything_runs(data
     require_programs(config.Config())
 
 
-def test_the_default_is_the_lattice_mesher_without_gmsh_and_cgal_has_both():
-    default, cgal = config.Config(), config.load({"setting": "cgal", "generate": {"cell_size": 1.0}})
-    assert default.generate.meshers == ["lattice"] and not default.enabled("relocate")
-    assert cgal.generate.meshers == ["cgal"] and cgal.generate.cell_size == [1.0] and cgal.enabled("relocate")
-    assert default.enabled("clean") and default.enabled("reconnect")
-
-
-def test_published_setting_is_the_papers_and_single_keys_override_it():
-    published = config.load({"setting": "published", "clean": {"boundary": "fixed"}})
-    assert published.generate.facet_distance == [0.5]
-    assert published.relocate.boundary == "free"
-    assert published.clean.boundary == "fixed"
-    assert not published.enabled("reconnect")
-    assert config.Config().enabled("reconnect")
-
-
 @pytest.mark.parametrize(
     ("data", "words"),
     [
@@ -156,14 +140,19 @@ def test_published_setting_is_the_papers_and_single_keys_override_it():
 )
 def test_a_bad_key_is_named_with_its_remedy(data, words):
     with pytest.raises(InputError) as error:
-        config.load(data)
-    assert words in str(error.value)
+        config.load({**data, "snap": {"enable": True}})
+    assert words in str(error.value) and "snap.enable" in str(error.value), "all bad keys are named at once"
 
 
-def test_all_bad_keys_are_named_at_once():
-    with pytest.raises(InputError) as error:
-        config.load({"snap": {"enable": True}, "relocate": {"passes": 0}})
-    assert "snap.enable" in str(error.value) and "relocate.passes" in str(error.value)
+def test_settings_are_those_of_the_paper_or_of_cortet_and_single_keys_override_them():
+    default, cgal = config.load({"clean": None}), config.load({"setting": "cgal", "generate": {"cell_size": 1.0}})
+    published = config.load({"setting": "published", "clean": {"boundary": "fixed"}})
+    assert default == config.Config() and default.generate.meshers == ["lattice"]
+    assert cgal.generate.meshers == ["cgal"] and cgal.generate.cell_size == [1.0]
+    for setting, stages in ((default, (False, True)), (cgal, (True, True)), (published, (True, False))):
+        assert (setting.enabled("relocate"), setting.enabled("reconnect")) == stages and setting.enabled("clean")
+    assert published.generate.facet_distance == [0.5] and published.relocate.boundary == "free"
+    assert published.clean.boundary == "fixed"
 
 
 @pytest.mark.parametrize("text", ["- a list", "a: [", ""])
@@ -172,14 +161,6 @@ def test_a_file_that_is_no_configuration_is_refused_by_name(tmp_path, text):
     path.write_text(text)
     with pytest.raises(InputError, match=r"mine\.yaml"):
         config.load(path)
-
-
-def test_one_value_may_stand_for_a_list():
-    assert config.load({"generate": {"cell_size": 0.8}}).generate.cell_size == [0.8]
-
-
-def test_an_empty_section_is_the_default():
-    assert config.load({"clean": None}) == config.Config()
 
 
 def test_what_another_file_sets_in_place_of_a_default_is_named():

@@ -15,7 +15,7 @@ from fold_brain import (
 )
 from shapes import ball_surface
 
-from cortet.folding.fold_figures import healthy_hemispheres, real_brains
+from cortet.folding.fold_figures import healthy_fetuses, healthy_hemispheres, real_brains
 from cortet.folding.growth import AREA, HULL, VOLUME, usual
 from cortet.meshes import TriSurface
 
@@ -52,6 +52,12 @@ def test_the_laws_of_the_package_are_those_of_its_table(law, column):
     again = fitted(ages, values, (1.2 * law[0], 0.9 * law[1], law[2] + 1))
     assert usual(again, ages) == pytest.approx(usual(law, ages), rel=1e-2)
     assert np.sqrt(((values / usual(law, ages) - 1) ** 2).mean()) < 0.08
+
+
+def test_fetuses_are_the_healthy_hemispheres_of_no_newborn():
+    healthy, fetuses = healthy_hemispheres(), healthy_fetuses()
+    assert (len(healthy), len(fetuses)) == (17, 8)
+    assert not fetuses["surface"].str.contains("dhcp|week40|SB_").any()
 
 
 def test_the_table_of_real_brains_is_what_the_surfaces_say(monkeypatch):

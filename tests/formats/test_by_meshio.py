@@ -44,7 +44,6 @@ def written(path: Path, *more: tuple[str, Any], tetrahedra: bool = True, **how: 
 @pytest.mark.parametrize(
     ("name", "how"),
     [
-        ("x.xdmf", {}),
         ("x.xdmf", {"data_format": "XML"}),
         ("x.vtu", {}),
         ("x.vtu", {"binary": False}),

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from cortet.formats.tables import Column, described, headed, names, read_columns, sidecar, values, write_table
+from cortet.formats.tables import Column, described, headed, names, sidecar, values, write_table
 
 DEPTH = Column("depth_mm", "How deep", "mm", limit="< 3", heading="Depth (mm)", form=".1f")
 SIDE = Column("side", "Which side", levels={"L": "left", "R": "right"}, heading="Side")
@@ -50,8 +50,3 @@ def test_values_stand_at_the_places_of_a_record_and_are_missing_where_it_has_non
     found = values(columns, records)
     assert list(found) == ["q_max", "above", "case"] and found["q_max"].isna().tolist() == [False, True]
     assert found.loc[0].tolist() == [0.5, 3, "a"]
-
-
-def test_a_line_is_a_column(tmp_path):
-    (tmp_path / "columns.tsv").write_text("name\tform\theading\nq\t.3f\tWorst q\ncase\tn/a\tn/a\n")
-    assert read_columns(tmp_path / "columns.tsv") == (Column("q", form=".3f", heading="Worst q"), Column("case"))

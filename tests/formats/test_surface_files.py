@@ -185,17 +185,6 @@ def test_a_surface_of_quadrangles_is_read(tmp_path, magic):
             read(saved(tmp_path, name, kept))
 
 
-def test_a_surface_of_freesurfer_that_is_cut_off_packed_or_missing_is_refused(tmp_path):
-    freesurfer.write_geometry(str(tmp_path / "lh.white"), BALL.points, BALL.faces)
-    assert np.array_equal(read_surface(tmp_path / "lh.white").faces, BALL.faces)
-    whole = (tmp_path / "lh.white").read_bytes()
-    for content in (whole[:3], whole[:40], whole[:2000], gzip.compress(whole)):
-        with pytest.raises(InputError, match="lh.cut.*FreeSurfer"):
-            read_surface(saved(tmp_path, "lh.cut", content))
-    with pytest.raises(InputError, match="No such file"):
-        read_surface(tmp_path / "lh.gone")
-
-
 # --- values
 
 
@@ -280,12 +269,9 @@ def test_values_and_labels_of_freesurfer_are_fields(tmp_path):
     assert list(found) == ["thickness"] and found["thickness"] == pytest.approx(values, rel=1e-6)
     assert read_label_names(thick) == {} and read_label_names(annot) == {0: "unknown", 1: "a", 2: "b"}
     assert read_fields(annot)["aparc"].dtype == np.int32 and np.array_equal(read_fields(annot)["aparc"], labels)
-    whole, flat = annot.read_bytes(), thick.read_bytes()
+    whole = annot.read_bytes()
     unknown = whole[:8] + (99).to_bytes(4, "big") + whole[12:]  # a colour that the table has not
     assert read_fields(saved(tmp_path, "lh.x.annot", unknown))["x"][:3].tolist() == [-1, 1, 2]
-    for content in (flat[:6], flat[:100], flat[:-3], whole[:-20], whole[:-10], whole[:-3]):
-        with pytest.raises(InputError, match="lh.cut: .*FreeSurfer"):
-            read_fields(saved(tmp_path, "lh.cut", content))
 
 
 def test_single_precision_changes_nothing_twice():

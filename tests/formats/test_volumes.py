@@ -496,7 +496,7 @@ def test_pieces_of_an_earlier_run_are_left(tmp_path, labels, monkeypatch):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("volumes") / "head"
-    assert main(["head", "--ga", "24", "--subdivisions", "4", "-o", str(folder)]) == 0
+    assert main(["head", "--ga", "24", "--subdivisions", "4", "--voxel", "1", "-o", str(folder)]) == 0
     return folder
 
 
@@ -506,13 +506,13 @@ def test_the_volumes_of_a_head_are_those_it_states(folder):
     voxel = abs(np.linalg.det(volume.affine[:3, :3])) / 1000
     for name, known in zip(table["name"], table["volume_ml"].astype(float), strict=True):
         assert (volume.values == LABELS[name]).sum() * voxel == pytest.approx(known, rel=0.01)
-    again = head(24, subdivisions=4)
+    again = head(24, subdivisions=4, voxel=1)
     np.testing.assert_array_equal(again.labels, volume.values)
 
 
 def test_a_head_becomes_one_mesh(folder, tmp_path, capsys):
     out = tmp_path / "head.vtu"
-    given = ["mesh", str(folder / "pial.surf.gii"), "--inner", str(folder / "white.surf.gii"), "--cell-size", "1.2"]
+    given = ["mesh", str(folder / "pial.surf.gii"), "--inner", str(folder / "white.surf.gii"), "--cell-size", "1.7"]
     given += [
         "--inner",
         f"ventricle={folder / 'dseg.nii.gz'}:3,4",
@@ -534,7 +534,7 @@ def test_a_head_becomes_one_mesh(folder, tmp_path, capsys):
     assert (mesh.cell_data["tissue"][one] == node[mesh.cells[one, 0]]).mean() > 0.99
     known = dict(read_tsv(folder / "sizes.tsv").itertuples(index=False))
     volume = signed_volumes(mesh.points, mesh.cells) / 1000
-    for name in parts[:2]:  # the others are small for cells of 1.2 mm: docs/volumes.md has them with 0.6 mm
+    for name in parts[:2]:  # the others are small for cells of 1.7 mm: docs/volumes.md has them with 0.6 mm
         assert volume[mesh.sets.cells[f"tissue_{name}"]].sum() == pytest.approx(float(known[name]), rel=0.01)
     centre = mesh.points[mesh.cells].mean(axis=1)
     turned = np.abs((mesh.cell_data["fibre"] * direction(centre)).sum(axis=1))
@@ -547,7 +547,7 @@ def test_a_head_becomes_one_mesh(folder, tmp_path, capsys):
     assert record["made_from"]["given"].keys() == {"cortex", *parts[1:]}
     table = read_tsv(tmp_path / "head.volumes.tsv")
     assert table["name"].tolist()[-6:-1] == list(parts)
-    assert main(["certify", str(out), "--cell-size", "1.2"]) == 0
+    assert main(["certify", str(out), "--cell-size", "1.7"]) == 0
 
 
 def test_a_cut_has_the_area_of_the_plane_inside(ball):

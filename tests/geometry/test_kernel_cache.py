@@ -62,15 +62,6 @@ def test_a_second_clone_compiles_nothing(tmp_path):
     assert compilations(tmp_path / "two", f"{KERNEL}# edited\n") > 0
 
 
-@pytest.mark.parametrize("first", ["import cortet, numba", "import numba, cortet"])
-def test_it_does_not_matter_which_is_imported_first(first):
-    code = f"{first}; from cortet.geometry.counting import cells_around; print(cells_around._cache.cache_path)"
-    environment = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA_CACHE")}
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    assert Path(done.stdout.strip()).parent == kernel_cache.cache_folder()
-
-
 def test_without_a_place_for_caches_a_temporary_one_is_used_and_said(tmp_path):
     """As with a home that cannot be written to; jobs of the process inherit the place."""
     code = "import os; from cortet.geometry.kernel_cache import cache_folder; print(cache_folder(), cache_folder(), "

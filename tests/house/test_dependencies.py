@@ -6,8 +6,6 @@ import sys
 import tomllib
 from pathlib import Path
 
-import yaml
-
 from cortet import doctor
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -35,13 +33,6 @@ def test_the_doctor_knows_the_extras():
     extras = PROJECT["project"]["optional-dependencies"]
     extra = names(extras["baselines"] + extras["slurm"])
     assert set(doctor.OPTIONAL) == extra and not doctor.missing(dict.fromkeys(extra, ""))
-
-
-def test_the_conda_environment_takes_from_conda_what_has_no_wheel_and_the_rest_from_the_project():
-    *conda, by_pip = yaml.safe_load((ROOT / "envs/cortet.yaml").read_text())["dependencies"]
-    published = names(PROJECT["project"]["optional-dependencies"]["published"])
-    assert names(conda) == {"python", "pip", *published}
-    assert by_pip == {"pip": ["--editable .."]}
 
 
 def test_windows_is_refused_in_words():

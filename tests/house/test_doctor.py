@@ -23,6 +23,7 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, st
     return breaks
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", doctor.PROOFS)
 def test_every_library_works_here(name):
     if name == "pygalmesh":

@@ -14,6 +14,7 @@ RULES = ["Snakefile", *(str(path.relative_to(ROOT)) for path in sorted(ROOT.glob
 KERNELS = [path for path in sorted(ROOT.glob("cortet/**/*.py")) if "njit(" in path.read_text()]
 
 
+@pytest.mark.thorough  # `make check` has them, too
 @pytest.mark.parametrize(
     "command",
     [
@@ -50,8 +51,3 @@ def test_kernels_divide_as_ieee_says_and_raise_nothing(kernels):
     """A flat element somewhere in a search has an infinite mu; it does not end the run."""
     text = kernels.read_text()
     assert text.count('error_model="numpy"') == len(re.findall(r"\bnjit\(", text))
-
-
-@pytest.mark.parametrize("script", ["tools/setup.sh", "tools/lock.sh", "tools/check.sh", "tools/slurm.sh", ".ci/run"])
-def test_shell_scripts_parse(script):
-    assert subprocess.run(["bash", "-n", ROOT / script], check=False).returncode == 0

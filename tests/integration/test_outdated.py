@@ -12,16 +12,19 @@ from cortet.formats import vtu
 from cortet.formats.gifti import read_surface, write_fields
 from tests.integration.study import STATUS
 from tests.integration.study import surface as study_surface
+from tests.integration.test_reruns import COHORT
 
 
 def test_cases_that_the_sheet_excludes_or_drops_have_no_results(study):
     a, b = study.cases()
     study.write_cases([replace(a, include=False, exclude_reason="motion"), b])
-    study.jobs_of_run()
+    assert study.planned_jobs() == COHORT
+    assert study.jobs_of_run(STATUS) == {("cohort_tables", "-")}
+    assert study.status()["sub-a_hemi-L"]["reason"] == "motion"
     assert study.results("a") == set() and study.outdated("a").exists()
     assert "certificate.json" in study.results("b")
     study.write_cases([replace(a, include=True)])
-    study.jobs_of_run()
+    study.jobs_of_run(STATUS)
     assert "certificate.json" in study.results("a") and study.results("b") == set()
 
 
@@ -49,10 +52,11 @@ def test_a_field_taken_from_the_sheet_is_taken_from_the_mesh(study):
 
 
 def test_files_of_a_format_that_is_no_longer_asked_for_do_not_stay_beside_another_mesh(study):
+    study.write_cases(study.cases()[:1])
     study.config["export"] = {"formats": ["vtu", "abaqus"]}
     study.jobs_of_run("meshes")
     study.config |= {"export": {"formats": ["vtu"]}, "generate": {**study.config["generate"], "seed": 1}}
-    assert "2 meshes were made with other settings" in study.run("--dry-run", "meshes").stdout
+    assert "made with other settings" in study.run("--dry-run", "meshes").stdout
     study.jobs_of_run("meshes")
     study.jobs_of_run("--forcerun", "certify", "--", "meshes")
     assert not study.files("sub-a/mesh/*.inp") and len(study.files("sub-a/mesh/*Solver_sets.vtu")) == 1

@@ -55,13 +55,6 @@ def test_the_named_snakefile_takes_its_configuration_from_the_command(study, cap
     assert done.returncode == 0 and "  sub-a_hemi-L: gate, " in done.stdout, done.stdout + done.stderr
 
 
-def test_files_that_are_there_stay(study, capsys):
-    (study / "Snakefile").write_text("mine")
-    assert main(["workflow", str(study)]) == 1
-    assert "is not empty (name an empty or a new folder)" in capsys.readouterr().err
-    assert (study / "Snakefile").read_text() == "mine"
-
-
 def test_ctrl_c_is_no_failure_and_the_next_run_goes_on(study):
     settings = yaml.safe_load((study / "config.yaml").read_text()) | {"certify": CONFIG["certify"]}
     (study / "config.yaml").write_text(

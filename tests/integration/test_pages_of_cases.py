@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import base64
 import re
-from dataclasses import replace
 from pathlib import Path
 
-from tests.integration.study import Study, surface, twice
+from tests.integration.study import Study
 
 
 def page_of(study: Study, participant: str) -> Path:
@@ -46,27 +45,3 @@ def test_pages_hold_no_time_and_are_made_alike_again(study):
         path.unlink()
     assert study.jobs_of_run() == {("case_page", "sub-a"), ("case_page", "sub-b"), ("cohort_page", "-")}
     assert {path: path.read_bytes() for path in before} == before
-
-
-def test_a_failed_case_has_a_page_until_it_is_mended(study):
-    good = surface(3)
-    study.add_case(study.case("double"), twice(good))
-    study.jobs_of_run(succeeds=False)
-    text = page_of(study, "double").read_text()
-    assert "What went wrong" in text and "<code>gate</code>" in text and "2 separate pieces" in text
-    assert "Input surface from the left" in text
-    assert linked(study)["sub-double_hemi-L"] == page_of(study, "double").resolve()
-    study.write_cases([case for case in study.cases() if case.participant != "double"])
-    study.add_case(study.case("double"), good)
-    page = page_of(study, "double")
-    assert ("case_page", "sub-double") in study.jobs_of_run(str(page.relative_to(study.folder)))
-    assert "What went wrong" not in page.read_text()
-
-
-def test_a_cohort_in_which_every_case_failed_has_its_pages(study):
-    study.write_cases([replace(case, surface=study.folder / "none.surf.gii") for case in study.cases()])
-    study.jobs_of_run(succeeds=False)
-    assert set(linked(study)) == {"sub-a_hemi-L", "sub-b_hemi-L"}
-    assert "no such file" in page_of(study, "a").read_text()
-    assert len(pictured(study)) == 2, "empty ones"
-    assert "certificate.json" in study.results("a"), "its surface may come back"

@@ -24,17 +24,13 @@ from cortet.stages.clean import clean
 #: the threshold; else it copies the mesh to -outmsh, moved by 0.001 mm, and then does its own `{twist}`
 SCRIPT = """#!{python}
 import pathlib, sys
-sys.path[:0] = {path!r}
 option = dict(a.lstrip("-").split("=") for a in sys.argv[1:] if "=" in a)
 assert sys.argv[1:3] == ["clean", "quality"] and option["ofmt"] == "carp_txt"
 source, target = option["msh"], option["outmsh"]
 pts, elem, lon = (pathlib.Path(source + s).read_text().splitlines() for s in (".pts", ".elem", ".lon"))
-from cortet.formats import carp
-from cortet.measure.quality import quality
-mesh = carp.read(pathlib.Path(source), unit="mm")
 with open({log!r}, "a") as log:
     print(pathlib.Path.cwd(), option["thr"], source, file=log)
-if quality(mesh.points, mesh.cells).max() <= float(option["thr"]):
+if {worst} <= float(option["thr"]):
     sys.exit(0)
 pts[1:] = [f"{{float(x) + 0.001:.9g}} {{y}} {{z}}" for x, y, z in map(str.split, pts[1:])]
 {twist}
@@ -57,7 +53,8 @@ def install(tmp_path, monkeypatch):
         folder, log = tmp_path / "bin", tmp_path / "log"
         folder.mkdir()
         binary = folder / "meshtool"
-        binary.write_text(SCRIPT.format(python=sys.executable, path=sys.path, twist=twist, log=str(log)))
+        worst = quality(bad_mesh().points, bad_mesh().cells).max()
+        binary.write_text(SCRIPT.format(python=sys.executable, worst=worst, twist=twist, log=str(log)))
         binary.chmod(0o755)
         monkeypatch.setenv("PATH", str(folder))
         return log

@@ -46,12 +46,9 @@ def test_one_scale_for_all_ages_and_the_cut_in_colour(monkeypatch):
     assert is_grey(first) and is_grey(second)
     assert not is_grey(first_cut) and not is_grey(second_cut)
     assert [axis.get_title() for axis in figure.axes[:2]] == ["22 weeks, left", "age n/a, right"]
-
-
-def test_both_hemispheres_have_rows_of_their_own_where_there_are_both():
-    figure = series_figure([Brain(22.0, {"L": BALL, "R": BALL}), Brain(30.0, {"L": BALL})])
-    assert [len(column) for column in pictures(figure)] == [3, 2]
-    assert [axis.get_ylabel() for axis in figure.axes[:4:2]] == ["left", "right"]
+    both = series_figure([Brain(22.0, {"L": BALL, "R": BALL}), Brain(30.0, {"L": BALL})])
+    assert [len(column) for column in pictures(both)] == [3, 2], "each hemisphere has a row"
+    assert [axis.get_ylabel() for axis in both.axes[:4:2]] == ["left", "right"]
 
 
 @pytest.mark.parametrize(("side", "ahead"), [("L", -1), ("R", 1)])

@@ -11,7 +11,6 @@ import numpy as np
 import pandas as pd
 import pytest
 from cubes import cube_mesh
-from latex import require_fits
 
 from cortet.formats.tables import names
 from cortet.measure.checks import checked
@@ -217,10 +216,7 @@ def rows_with_long_remarks(table: Table) -> pd.DataFrame:
     return table_of({mesh: record()}, missing, ages, refused)
 
 
-EACH = pytest.mark.parametrize("table", [ABLATION, RESOLUTION, MEASURES], ids=lambda table: table.title)
-
-
-@EACH
+@pytest.mark.parametrize("table", [ABLATION, RESOLUTION, MEASURES], ids=lambda table: table.title)
 def test_they_are_written_in_every_form(table, tmp_path):
     tsv, sidecar, markdown = (tmp_path / f"table.{suffix}" for suffix in ("tsv", "json", "md"))
     rows = rows_with_long_remarks(table)
@@ -229,9 +225,3 @@ def test_they_are_written_in_every_form(table, tmp_path):
     assert header.split("\t") == names(table.columns) == list(json.loads(sidecar.read_text()))
     assert len(lines) == len(rows) and LONG in tsv.read_text()
     assert LONG in markdown.read_text() and re.search(r"\| +0\.6 +\|", markdown.read_text())
-
-
-@EACH
-def test_they_fit_both_columns_of_a_journal(table, tmp_path):
-    write(table, rows_with_long_remarks(table), tmp_path / "table.tex")
-    require_fits(tmp_path / "table.tex")

@@ -41,21 +41,3 @@ def test_the_pooled_distribution_agrees_with_table_1():
         assert counts @ middle / counts.sum() == pytest.approx(row["q_mean_mean"], abs=1e-3)
         assert counts[120:].sum() == row["q_above_0.6_total"]
         assert middle[counts.nonzero()[0].max()] == pytest.approx(row["q_max_max"], abs=0.0035)
-
-
-def test_numbers_of_real_brains_fit_together():
-    brains = fold_figures.real_brains()
-    assert brains["gestational_age_weeks"].between(22, 42).all()
-    assert brains["gyrification_index"].between(1, 1.6).all()
-    assert (brains["area_cm2"] / brains["volume_ml"] ** (2 / 3)).between(6, 12).all()
-    assert (brains["hull_volume_ml"] / brains["volume_ml"]).between(1.1, 1.6).all()
-    box = brains[["extent_lr_mm", "extent_ap_mm", "extent_is_mm"]].prod(axis=1) / 1000
-    assert (brains["hull_volume_ml"] / box).between(0.35, 0.7).all()
-    folded = brains[brains["gestational_age_weeks"] >= 32]
-    assert folded["fold_spacing_mm"].between(10, 13).all() and folded["concave_share"].between(0.3, 0.5).all()
-    assert brains["sulcal_depth_mm"].corr(brains["gyrification_index"]) > 0.9
-    healthy = fold_figures.healthy_hemispheres()
-    assert len(healthy) == 17 and set(healthy["hemi"]) == {"L", "R"} and set(healthy["surface_type"]) == {"white"}
-    assert not healthy["surface"].str.startswith("SB_").any()
-    fetuses = fold_figures.healthy_fetuses()
-    assert len(fetuses) == 8 and not fetuses["surface"].str.contains("dhcp|week40").any()

@@ -376,14 +376,6 @@ def test_sets_are_no_results(folder, mesh):
     assert set(projected("s.vtu")) == {"height", "q"}
 
 
-def test_a_result_of_calculix_is_read(folder, mesh):
-    calculix = pytest.importorskip("pyvista_frd")
-    result = grid(mesh.points, mesh.cells)
-    result["DISP"] = mesh.points
-    calculix.write("r.frd", result)
-    assert np.abs(projected("r.frd")["DISP_3"] - heights()).max() < 0.6
-
-
 def test_a_frame_of_a_fold_is_projected_where_its_nodes_began(folder, mesh):
     words = ["--ga", "28", "--end", "28.2", "--surfaces", "28.2", "--force"]  # no brain is so small
     assert main(["fold", "x.vtu", *words, "-o", "folded"]) == 0

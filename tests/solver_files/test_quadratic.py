@@ -143,19 +143,6 @@ def test_the_nodes_of_an_interface_are_checked_too():
         quadratic(mesh, replace(outer, inner={"white": moved}))
 
 
-def test_inverted_and_overlapping_elements_are_refused(ball):
-    mesh, surface = ball
-    cells = mesh.cells.copy()
-    cells[::3] = cells[::3][:, [1, 0, 2, 3]]
-    wrong = len(cells[::3])
-    with pytest.raises(InputError, match=f"{wrong} of {len(cells)} .*inverted"):
-        quadratic(replace(mesh, cells=cells), surface)
-    with pytest.raises(InputError, match="1 tetrahedra listed twice"):
-        quadratic(replace(mesh, cells=np.concatenate([mesh.cells, mesh.cells[:1]])), surface)
-    bounds = jacobian_bounds(mesh.points[cells], mesh.points[cells[:, EDGES]].mean(axis=2))
-    assert bounds[::3] == pytest.approx(-1) and bounds[1::3] == pytest.approx(1)
-
-
 def by_meshio(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Nodes, elements of ten nodes, and the field."""
     read = meshio.read(path)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,10 +10,8 @@ import numpy as np
 import pytest
 from shapes import ball_surface, real_surface
 
-from cortet.cli import main
 from cortet.config import Config, load
 from cortet.errors import InputError
-from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
 from cortet.geometry.nesting import nested
 from cortet.geometry.topology import boundary_nodes
@@ -36,13 +33,6 @@ def ball() -> TriSurface:
 def file(ball: TriSurface, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("surfaces") / "ball.surf.gii"
     write_surface(ball, path)
-    return path
-
-
-@pytest.fixture(scope="module")
-def config_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("config") / "fast.yaml"
-    path.write_text(json.dumps(FAST))  # JSON is YAML
     return path
 
 
@@ -117,31 +107,6 @@ def test_inner_surfaces_are_repaired_too(ball):
         assert (first.report["repaired"], first.report["inner"]["white"]["repaired"]) == repaired
         assert second.stage == "gate"
         assert list(second.surface.inner) == ["white"]
-
-
-def test_the_command_writes_mesh_certificate_picture_and_page(file, config_file, tmp_path):
-    out, drawn = tmp_path / "out.vtu", tmp_path / "out.png"
-    page = tmp_path / "out.html"
-    views = ["--picture", str(drawn), "--page", str(page)]
-    code = main(["mesh", str(file), "-o", str(out), "--config", str(config_file), *views])
-    assert code == 0
-    certificate = json.loads((tmp_path / "out.certificate.json").read_text())
-    assert certificate["certified"] is True
-    assert len(vtu.read(out).cells) == certificate["quality"]["tets"]
-    assert drawn.stat().st_size > 10_000
-    assert "<html" in page.read_text(encoding="utf-8")
-
-
-def test_an_uncertified_mesh_is_not_written_and_one_of_an_earlier_run_is_gone(file, tmp_path, capsys):
-    out, config = tmp_path / "out.vtu", tmp_path / "strict.yaml"
-    config.write_text(json.dumps(FAST))
-    assert main(["mesh", str(file), "-o", str(out), "--config", str(config)]) == 0 and out.exists()
-    config.write_text(json.dumps({**FAST, "certify": {"q_max": 0.05}}))
-    code = main(["mesh", str(file), "-o", str(out), "--config", str(config)])
-    assert code == 1
-    assert not out.exists()
-    assert "must be below 0.05" in capsys.readouterr().out
-    assert json.loads((tmp_path / "out.certificate.json").read_text())["certified"] is False
 
 
 def test_the_native_surface_is_compared_in_mm_whatever_the_unit(ball):
