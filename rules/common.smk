@@ -62,8 +62,8 @@ for notice in [*notices(CONFIG), *PLAN.notices(), *(PLAN.edited_exports() if wor
 
 if workflow.is_main_process and (others := made_otherwise(PLAN)):
     logger.warning(
-        f"{sum(others.values())} meshes were made with other settings, or of other surfaces, than the present ones; "
-        f"if this run does not make them again, `snakemake --forcerun {' '.join(others)}` does"
+        f"meshes of other settings, or of other surfaces, than the present ones: {sum(others.values())}. "
+        f"If this run does not make them again, `snakemake --forcerun {' '.join(others)}` does"
     )
 
 FOLDS = Folds(PLAN)
