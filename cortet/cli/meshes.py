@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json as json_format
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, Parameter
 
@@ -35,9 +35,8 @@ if TYPE_CHECKING:
 
     from cortet.measure.certify import Certificate
     from cortet.meshes import TriSurface
-    from cortet.solver_files.laminar import Laminar
     from cortet.solver_files.surface_map import Depth as DepthOfMap
-    from cortet.solver_files.surface_map import SurfaceMap, ToSurface
+    from cortet.solver_files.surface_map import SurfaceMap
 
 Unit = Literal["mm", "um"]
 
@@ -349,7 +348,7 @@ def project(
     from cortet.formats.ownership import may_write
     from cortet.formats.tsv import write_tsv
     from cortet.geometry.interpolation import applied
-    from cortet.measure.layers import cortex_and_white
+    from cortet.measure.layers import bounds_of, cortex_and_white
     from cortet.solver_files.common_sphere import onto_common, read_parcels
     from cortet.solver_files.laminar import Laminar
     from cortet.solver_files.results import on_surface, read_result
@@ -357,10 +356,9 @@ def project(
     from cortet.solver_files.surface_map import map_of_file
     from cortet.stages.resample import common_sphere
 
-    relative = depth is not None and depth.relative
     if layer is not None and (depth, thickness, equidistant) != (None, None, False):
         raise InputError("--layer excludes --depth, --thickness and --equidistant", remedy="leave them out")
-    if equidistant and (not relative or thickness is not None):
+    if equidistant and (depth is None or not depth.relative or thickness is not None):
         what = "--equidistant says how a depth in % is measured along the columns of the cortex"
         raise InputError(what, remedy="give --depth in %, without --thickness")
     if (sphere is None) != (template_sphere is None):
@@ -372,6 +370,12 @@ def project(
     found, file, how = map_of_file(mesh, content, surface)
     print(f"{file}: {how}")
     made_from = read_sidecar(mesh).get("made_from") or {}
+    if layer is not None:
+        bounds = bounds_of(made_from.get("layers") or [1]).tolist()
+        if layer >= len(bounds):
+            what = f"has {len(bounds) - 1 if made_from.get('layers') else 'no'} layers, according to its sidecar"
+            raise InputError(what, file=mesh, remedy="mesh with --layers, or give --depth")
+        depth = Below(bounds[layer - 1], bounds[layer], relative=True)
     hemisphere = made_from.get("hemisphere") or hemisphere_of(file)
     for one in filter(None, (file, parcels, sphere, template_sphere)):
         require_same_hemisphere(one, hemisphere)
@@ -380,9 +384,8 @@ def project(
     if sphere and template_sphere:
         weights = onto_common(found.native, sphere, common_sphere(Resample(template=str(template_sphere))))
     inner = list(made_from.get("meshed") or {})[1:]
-    if layer is not None or (relative and thickness is None and cortex_and_white(content, inner)):
-        columns = Laminar(found, inner, equivolumetric=not equidistant)
-        there = columns.weights(depth.first, depth.last) if depth else _layer(columns, layer, made_from, mesh)
+    if depth and depth.relative and thickness is None and cortex_and_white(content, inner):
+        there = Laminar(found, inner, equivolumetric=not equidistant).weights(depth.first, depth.last)
         print("depths along the columns of the cortex")
     else:
         there = found.weights(_millimetres(depth, found, thickness, mesh) if depth else None)
@@ -405,13 +408,6 @@ def project(
     count = len(found.points) if weights is None else weights.shape[0]
     print(f"{output}: {len(fields)} fields of {count:,} vertices: {', '.join(fields)}")
     return 0
-
-
-def _layer(columns: Laminar, layer: int | None, made_from: Mapping[str, Any], mesh: Path) -> ToSurface:
-    """What brings means over a layer to the vertices."""
-    if layer is None or not (layers := made_from.get("layers")):
-        raise InputError("has no layers, by its sidecar", file=mesh, remedy="mesh with --layers, or give --depth")
-    return columns.layer(layer, layers)
 
 
 def _millimetres(depth: Below, found: SurfaceMap, thickness: float | None, mesh: Path) -> DepthOfMap:

@@ -411,29 +411,35 @@ def layers(
     from cortet.formats.gifti import read_surface, write_surface
     from cortet.geometry.closest_point import closest_points, tree_of
     from cortet.geometry.intersection import self_intersections
+    from cortet.geometry.topology import enclosed_volume
     from cortet.measure.layers import bounds_of
 
-    depths = bounds_of(layers).tolist()
+    depths = bounds_of(layers).tolist()[1:-1]
     if not depths:
         raise InputError("a single layer has no surface within", remedy="give --layers 2 or more")
-    name = output.name.partition(".")[0]
-    files = [output.with_name(output.name.replace(name, f"{name}{number}", 1)) for number in range(1, len(depths) + 1)]
-    for file in (output, *files):
+    name, _, suffixes = output.name.partition(".")
+    files = [output.with_name(f"{name}{number}.{suffixes}") for number in range(1, len(layers) + 1)]
+    for file in (output, *files[:-1]):
         may_write(file)
+    inside, outside = read_surface(white), read_surface(pial)
+    volumes = [abs(enclosed_volume(one.points, one.faces)) for one in (inside, outside)]
+    if volumes[0] >= volumes[1]:
+        what = f"does not lie inside {pial.name}, which encloses {volumes[1] / 1000:.1f} mL"
+        raise InputError(what, file=white, remedy="give the white surface first, then the pial surface")
     if cell_size is None:
-        across = closest_points(tree_of(read_surface(pial)), read_surface(white).points).distances
+        across = closest_points(tree_of(outside), inside.points).distances
         cell_size = round(statistics.median(across.tolist()) / 2, 2)
-        if not cell_size:
-            raise InputError(f"is the same surface as {pial.name}", file=white, remedy="give white and pial surface")
         print(f"cells of {cell_size:g} mm, half the median distance between the surfaces")
     # columns need no certified mesh, and the stages that make it certified take most of the time
     as_given = {stage: {"enabled": False} for stage in ("smooth_surface", "clean", "reconnect")}
     made = mesh(pial, inner={"white": white}, cell_size=cell_size, settings=as_given)
     surfaces = made.laminar_surfaces(depths, equivolumetric=not equidistant)
-    for depth, surface, file in zip(depths, surfaces, files, strict=True):
+    for depth, surface, file in zip(depths, surfaces, files, strict=False):
         write_surface(surface, file, like=white)
         crossing = len(self_intersections(surface))
         print(f"{file}: depth {depth:.3f}" + (f", {crossing} triangles cross others" if crossing else ""))
+    if files[-1].exists():
+        print(f"{files[-1]}: is left from a run with more layers")
     return 0
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from cortet.errors import InputError
 from cortet.geometry.closest_point import ClosestPoints, SurfaceTree, closest_points, tree_of
 from cortet.geometry.remembering import once_per_object
-from cortet.geometry.topology import enclosed_volume, face_normals, packed, vertex_normals
+from cortet.geometry.topology import enclosed_volume, face_normals, packed, unit_vectors, vertex_normals
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: a point with a barycentric weight below this lies on the opposite edge
@@ -106,8 +106,7 @@ def depths(tree: SurfaceTree, surface: TriSurface, points: FloatArray) -> tuple[
     """
     found = closest_points(tree, points)
     corners = _normals(surface).smooth[surface.faces[found.faces]]
-    normal = np.einsum("kc,kcj->kj", found.barycentric, corners)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    normal = unit_vectors(np.einsum("kc,kcj->kj", found.barycentric, corners))
     side = np.einsum("kj,kj->k", found.points - points, _pseudonormals(surface, found))
     return np.where(side >= 0, 1, -1) * found.distances, normal, found
 
@@ -127,8 +126,7 @@ class _Normals(NamedTuple):
 
 @once_per_object
 def _normals(surface: TriSurface) -> _Normals:
-    normal = face_normals(surface.points, surface.faces)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    normal = unit_vectors(face_normals(surface.points, surface.faces))
     smooth = vertex_normals(surface.points, surface.faces)
     return _Normals(normal, _across_edges(surface.faces), _angle_weighted(surface, normal), smooth)
 

@@ -346,8 +346,12 @@ def vertex_normals(points: FloatArray, faces: IntArray) -> FloatArray:
     total = np.stack(
         [np.bincount(faces.ravel(), np.repeat(normals[:, i], 3), minlength=len(points)) for i in range(3)], axis=1
     )
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return np.divide(total, length, out=np.zeros_like(total), where=length > 0)
+    return unit_vectors(total)
+
+
+def unit_vectors(vectors: NDArray[Any]) -> FloatArray:
+    """Vectors (k, 3) scaled to unit length; vectors of length 0 stay as they are."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), np.finfo(float).tiny)
 
 
 def enclosed_volume(points: FloatArray, faces: IntArray) -> float:

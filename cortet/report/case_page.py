@@ -219,7 +219,7 @@ def _layers(of: Checked) -> list[Part]:
         }
         for layer in layers
     ]
-    inner, bounds = of.meshed.inner, np.array([layer["depth"][1] for layer in layers if layer["number"]][:-1])
+    inner, bounds = of.meshed.inner, np.array([0, *(layer["depth"][1] for layer in layers if layer["number"])])
     table = pages.table("Layers, from the pial to the white surface", headed(LAYER_COLUMNS), rows)
     return [table, *pictures.shown(lambda: pictures.of_layers(of.mesh, inner, bounds))]
 

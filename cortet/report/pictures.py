@@ -102,7 +102,7 @@ def of_sections(mesh: TetMesh, names: list[str]) -> list[Picture]:
 def of_layers(mesh: TetMesh, inner: Iterable[str], bounds: FloatArray) -> list[Picture]:
     """The coronal section through the middle of the mesh, its tetrahedra in the colours of their layers."""
     number = cortical_layers(mesh, inner, bounds).number
-    layers = colormaps["viridis_r"](np.linspace(0, 1, len(bounds) + 1))[:, :3]
+    layers = colormaps["viridis_r"](np.linspace(0, 1, len(bounds) - 1))[:, :3]
     colours = np.vstack([to_rgb(LIGHT_GREY), layers])[number]
     position = middle_of(mesh, "coronal")
     last = f", layer {len(layers)} violet" if len(layers) > 1 else ""

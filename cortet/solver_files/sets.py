@@ -135,8 +135,7 @@ def with_layers(mesh: TetMesh, inner: Sequence[str], layers: Sequence[float]) ->
     bounds = bounds_of(layers)
     found = cortical_layers(mesh, inner, bounds)
     sets = {
-        f"{LAYER}{number}": np.flatnonzero(found.number == number).astype(np.int32)
-        for number in range(1, len(bounds) + 2)
+        f"{LAYER}{number}": np.flatnonzero(found.number == number).astype(np.int32) for number in range(1, len(bounds))
     }
     _require_free({**mesh.point_data, **mesh.cell_data}, found.of_nodes, "field")
     of_nodes, of_cells = {**mesh.point_data, **found.of_nodes}, {**mesh.cell_data, **found.of_cells}

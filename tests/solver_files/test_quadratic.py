@@ -234,7 +234,7 @@ def test_programs_find_the_ten_node_mesh(ball, tmp_path, suffix):
     points, cells, depth = (by_xml if suffix == ".feb" else by_meshio)(path)
     assert np.array_equal(cells, curved.cells) and np.allclose(points, curved.points, rtol=1e-9, atol=1e-11)
     if suffix != ".inp":  # Abaqus files hold no fields
-        assert np.allclose(depth, with_middles(curved, mesh.point_data["depth"]), rtol=1e-9)
+        assert np.allclose(depth, with_middles(mesh, curved)["depth"], rtol=1e-9)
     if suffix == ".feb":
         assert '<Elements type="tet10"' in path.read_text() and "<tri6 " in path.read_text()
     if suffix in (".vtu", ".xdmf"):
