@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.geometry.columns import Columns, columns
 from cortet.geometry.nesting import parents
-from cortet.geometry.remembering import once_per_mesh
+from cortet.geometry.remembering import OncePerRegions
 from cortet.geometry.topology import TET_FACES, compact, edges, neighbours, unit_vectors
 from cortet.measure.harmonic import harmonic
 from cortet.measure.quality import signed_volumes
@@ -82,8 +82,8 @@ def require_layers(surface: TriSurface) -> None:
     where = names[parents(surface)[names.index(WHITE)]] if WHITE in names else None
     if where is None or not is_brain(where):
         found = f"{WHITE} is in {where}" if where else f"the regions are {', '.join(names)}"
-        remedy = f"name the white surface {WHITE}, with no other between it and the cortex; or leave the layers out"
-        raise InputError(f"layers lie between the cortex and an inner surface {WHITE}, and {found}", remedy=remedy)
+        remedy = f"name the white surface {WHITE}, with no other surface between it and the cortex, or omit the layers"
+        raise InputError(f"layers need an inner surface {WHITE} directly inside the cortex, but {found}", remedy=remedy)
 
 
 def cortex_and_white(mesh: TetMesh, inner: Iterable[str]) -> tuple[int, int] | None:
@@ -130,11 +130,13 @@ def cortical_columns(mesh: TetMesh, inner: Iterable[str]) -> Cortex:
     numbers = cortex_and_white(mesh, names)
     if numbers is None:
         what = f"the mesh has no cortex around {WHITE}, but the regions {', '.join(region_names(names))}"
-        raise InputError(what, remedy=f"mesh with an inner surface {WHITE} in the cortex, and without a hole there")
+        raise InputError(
+            what, remedy=f"mesh with an inner surface {WHITE} directly inside the cortex, and without a hole there"
+        )
     return _columns_between(mesh, *numbers)
 
 
-@once_per_mesh
+@OncePerRegions
 def _columns_between(mesh: TetMesh, cortex: int, white: int) -> Cortex:
     """The columns of the region `cortex` around the region `white`."""
     region = mesh.cell_data[REGION]
