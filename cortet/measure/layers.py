@@ -108,7 +108,7 @@ def bounds_of(layers: Sequence[float]) -> FloatArray:
     ----------
     layers : the share of the volume of each, the outermost first; their sum may be any number
     """
-    return np.cumsum([0, *layers]) / np.sum(layers)
+    return np.concatenate([[0.0], np.cumsum(layers)[:-1] / np.sum(layers), [1.0]])
 
 
 def cortical_columns(mesh: TetMesh, inner: Iterable[str]) -> Cortex:
@@ -130,9 +130,8 @@ def cortical_columns(mesh: TetMesh, inner: Iterable[str]) -> Cortex:
     numbers = cortex_and_white(mesh, names)
     if numbers is None:
         what = f"the mesh has no cortex around {WHITE}, but the regions {', '.join(region_names(names))}"
-        raise InputError(
-            what, remedy=f"mesh with an inner surface {WHITE} directly inside the cortex, and without a hole there"
-        )
+        remedy = f"mesh with an inner surface {WHITE} directly inside the cortex, and without a hole there"
+        raise InputError(what, remedy=remedy)
     return _columns_between(mesh, *numbers)
 
 

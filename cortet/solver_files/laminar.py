@@ -36,7 +36,7 @@ class Laminar:
         self._map, self._equivolumetric = found, equivolumetric
         self._cortex = cortical_columns(found.mesh, inner)
         if not self._cortex.known.any():
-            raise InputError("no column leads through the cortex", remedy="mesh with smaller cells")
+            raise InputError("no column crosses the cortex", remedy="mesh with smaller cells")
         number = np.full(len(found.mesh.points), -1, np.int32)
         number[self._cortex.nodes[self._cortex.known]] = np.flatnonzero(self._cortex.known)
         mixed = found.to_surface.tocoo()

@@ -29,7 +29,7 @@ from cortet.solver_files.fields import FieldSource
 from cortet.stages.transfer import THICKNESS
 
 #: message for a file that differs from what its sidecar records
-CHANGED = "changed after cortet wrote it: no certificate beside it is of it (a file of it is another one, or missing)"
+CHANGED = "changed after cortet wrote it, so its certificate does not apply (one of its files differs or is missing)"
 
 
 def sidecar_path(path: Path) -> Path:

@@ -28,7 +28,7 @@ from cortet.formats import vtu
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface, surface_topology
-from cortet.meshes import TetMesh, TriSurface
+from cortet.meshes import TriSurface
 from cortet.solver_files.sidecar import sidecar_path
 
 
@@ -62,7 +62,6 @@ def test_neither_the_package_nor_a_job_loads_the_library_of_the_command():
         ["run", "in", "out", "--formats", "vtu,,inp"],
         ["cohort"],
         ["unknown"],
-        ["job", "x.inp", "-o", "job"],
     ],
 )
 def test_wrong_usage_exits_with_2(arguments, capsys):
@@ -70,7 +69,6 @@ def test_wrong_usage_exits_with_2(arguments, capsys):
         main(arguments)
     told = capsys.readouterr().err
     assert stopped.value.code == 2 and "usage: cortet" in told
-    assert ("examples/calculix.py" in told) == (arguments[:1] == ["job"])
 
 
 @pytest.mark.parametrize(
@@ -180,8 +178,7 @@ def test_gate_gives_one_verdict_per_file(ball, tmp_path, capsys):
     accepted, *refused = capsys.readouterr().out.splitlines()
     assert accepted.startswith(f"accepted  {ball}: 642 vertices")
     assert [line.split()[:2] for line in refused] == [["refused", f"{opened}:"], ["refused", f"{empty}:"]]
-    assert "open edges" in refused[0] and refused[0].endswith(f"so does `cortet repair {opened}`")
-    assert "repairable" not in refused[1]
+    assert "open edges" in refused[0]
     assert main(["gate", str(ball)]) == 0
 
 
@@ -213,7 +210,7 @@ def test_repair_writes_surface_report_and_picture(ball, tmp_path, capsys):
 
     write_surface(TriSurface(surface.points, surface.faces[surface.points[surface.faces, 2].max(axis=1) < 15]), broken)
     assert main(["repair", str(broken), "-o", str(out), "--config", str(_limits(tmp_path))]) == 1
-    assert "up to 5 mm" in capsys.readouterr().err
+    assert "5 mm" in capsys.readouterr().err
 
 
 def _limits(folder: Path) -> Path:
@@ -277,7 +274,7 @@ def test_certify_checks_a_mesh_by_its_surface(tmp_path, capsys):
     assert json.loads((tmp_path / "c.json").read_text())["certified"] is True
     assert main(["certify", *files, "--max-boundary-distance", "0.4"]) == 1
     assert (
-        "FAIL  distance of a boundary node to the surface, at most 0.5 mm, must not exceed 0.4 mm"
+        "FAIL  largest distance from a boundary node to the surface 0.5 mm, must not exceed 0.4 mm"
         in capsys.readouterr().out
     )
     assert main(["certify", *files, "--q-max", "0.1"]) == 1
@@ -295,11 +292,11 @@ def test_certify_checks_regions_of_an_exported_mesh_by_the_surfaces_they_were_ma
     assert checked["regions"] == written["regions"] and checked["interfaces"] == written["interfaces"]
     assert main(["certify", *files[:2], "--inner", f"ventricle={files[2]}"]) == 0
     assert main(["certify", *files[:2], "--inner", files[1]]) == 1, "its interface lies elsewhere"
-    assert "FAIL  distance of a node of the interface white" in capsys.readouterr().out
+    assert "FAIL  largest distance from a node of the interface white" in capsys.readouterr().out
     write_surface(ball_surface(4, 5.0), tmp_path / "deep.surf.gii")
     more = ["--inner", files[2], "--inner", f"deep={tmp_path / 'deep.surf.gii'}"]
     assert main(["certify", *files[:2], *more]) == 1
-    assert "its regions are not known: there is no set deep (it has: cortex, white, core)" in capsys.readouterr().err
+    assert "cannot tell its regions: there is no set deep (it has: cortex, white, core)" in capsys.readouterr().err
 
 
 def test_a_white_surface_is_meshed_without_a_cortex_and_that_is_said(tmp_path, capsys):
@@ -308,7 +305,7 @@ def test_a_white_surface_is_meshed_without_a_cortex_and_that_is_said(tmp_path, c
     write_surface(ball_surface(3, 14.0), given)
     command = ["mesh", str(given), "--cell-size", "5", "-o", str(out)]
     assert main([*command, "--page", str(page)]) == 0
-    assert "white matter, without the cortex around it" in capsys.readouterr().out
+    assert "white matter without the cortex" in capsys.readouterr().out
     record = json.loads((tmp_path / "x.vtu.json").read_text())
     assert record["made_from"]["surface"] == "white"
     assert record["sets"]["cells"].keys() == {"core"}
@@ -341,7 +338,7 @@ def test_cohort_scan_writes_a_sheet_and_names_what_has_no_age(tmp_path, capsys):
     ]
     shown = capsys.readouterr().out
     assert f"{sheet}: 2 surfaces" in shown
-    assert "1 without a gestational age, so not folded: sub-A_ses-2_hemi-L (adults have none" in shown
+    assert "1 not folded because the gestational age is unknown: sub-A_ses-2_hemi-L (adults need none" in shown
 
 
 def test_a_dry_run_of_the_group_alone_ends_as_the_run_does(tmp_path, capsys):
@@ -351,7 +348,7 @@ def test_a_dry_run_of_the_group_alone_ends_as_the_run_does(tmp_path, capsys):
     command = ["run", str(tmp_path / "bids"), str(tmp_path / "out"), "group"]
     ends = [(main([*command, *more]), capsys.readouterr().err) for more in ([], ["--dry-run"])]
     assert ends[0] == ends[1]
-    assert ends[0][0] == 1 and "holds no mesh of these cases yet" in ends[0][1]
+    assert ends[0][0] == 1 and "has no mesh of these cases yet" in ends[0][1]
 
 
 def test_cohort_scan_replaces_no_sheet_unasked(tmp_path, capsys):
@@ -369,11 +366,11 @@ def test_cohort_scan_replaces_no_sheet_unasked(tmp_path, capsys):
     sheet.write_bytes(edited)
     found("B")
     assert main(command) == 1
-    assert re.search(r"exists already.*--update.*--force", capsys.readouterr().err, re.DOTALL)
+    assert re.search(r"already exists.*--update.*--force", capsys.readouterr().err, re.DOTALL)
     assert sheet.read_bytes() == edited
     assert main([*command, "--update"]) == 0
     shown = capsys.readouterr().out
-    assert "2 surfaces, 1 of them new and added\n" in shown and "not folded: sub-B_hemi-L (adults have none" in shown
+    assert "2 surfaces, 1 of them new and added\n" in shown and "age is unknown: sub-B_hemi-L" in shown
     assert sheet.read_bytes().startswith(edited)
     assert [case.name for case in read_sheet(sheet)] == ["sub-A_hemi-L", "sub-B_hemi-L"]
     assert main([*command, "--force"]) == 0
@@ -400,7 +397,7 @@ def test_a_mesh_that_was_changed_after_cortet_wrote_it_is_told(tmp_path, capsys)
     told = capsys.readouterr()
     (tmp_path / "a.vtu.json").write_text("[1, 2]")  # of another program
     assert main(["quality", str(tmp_path / "a.vtu")]) == 0
-    assert "cube.vtu was changed after cortet wrote it: no certificate beside it is of it" in told.out
+    assert "cube.vtu was changed after cortet wrote it, so its certificate does not apply" in told.out
     assert "cube.vtu: changed after cortet wrote it" in told.err
 
 
@@ -425,7 +422,7 @@ def test_certify_has_the_limits_of_the_workflow_and_says_them(tmp_path, capsys):
     vtu.write(floating, tmp_path / "ball.vtu")
     command = ["certify", str(tmp_path / "ball.vtu"), str(tmp_path / "ball.surf.gii"), "--q-max", "0.999"]
     assert main(command) == 1
-    assert "FAIL  distance of a boundary node to the surface, at most 0.1" in capsys.readouterr().out
+    assert "FAIL  largest distance from a boundary node to the surface 0.1" in capsys.readouterr().out
     assert main([*command, "--max-boundary-distance", "inf"]) == 0
     assert "no limit" in capsys.readouterr().out
 
@@ -472,7 +469,7 @@ def test_a_fold_of_the_other_hemisphere_or_age_than_the_files_is_refused(tmp_pat
         )
     sidecar_path(tmp_path / "x.inp").unlink()
     assert main(["fold", str(tmp_path / "x.inp"), "-o", str(tmp_path / "folded")]) == 1
-    assert "does not say for which gestational age it was made (add --ga WEEKS)" in capsys.readouterr().err
+    assert "does not record the gestational age (add --ga WEEKS)" in capsys.readouterr().err
     assert not (tmp_path / "folded").exists()
 
 
@@ -489,54 +486,3 @@ def test_a_fold_that_was_killed_goes_on_with_the_age_of_its_file(tmp_path):
     assert main(command) == 0
     assert not list((tmp_path / "folded").rglob(".[0-9]*"))
     assert read_tsv(tmp_path / "folded/fold.tsv").iloc[0]["gestational_age"] == "24"
-
-
-@pytest.mark.parametrize(
-    ("words", "instead"),
-    [
-        ("verify x.inp", "cortet certify"),
-        ("convert x.vtu x.vtk", "write .vtu"),
-        ("convert x.vtu x.bpts", "write .pts"),
-        ("convert x.feb y.vtu", "give the .vtu"),
-        ("convert x.mesh y.inp", "give the .vtu"),
-        ("run sheet.tsv out --formats vtk", "use vtu"),
-        ("run sheet.tsv out --formats gmsh_v2", "use gmsh"),
-    ],
-)
-def test_who_asks_for_what_went_is_told_what_to_use_instead(words, instead, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    vtu.write(cube_mesh(2, side=40.0), tmp_path / "x.vtu")
-    for name in ("x.feb", "x.mesh"):
-        (tmp_path / name).write_text("a mesh\n")
-    with contextlib.suppress(SystemExit):
-        assert main(words.split()) == 1
-    said = capsys.readouterr().err
-    assert instead in said and len(said.splitlines()) == 1
-
-
-def test_meshes_of_one_surface_are_compared_by_the_same_limits(tmp_path, capsys):
-    ball = ball_mesh()
-    larger = TetMesh(1.01 * ball.points, ball.cells)
-    for name, mesh in {"exact.vtu": ball, "larger.vtu": larger, "other/exact.vtu": ball}.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        vtu.write(mesh, tmp_path / name)
-    exact, larger_file, twin = (str(tmp_path / name) for name in ("exact.vtu", "larger.vtu", "other/exact.vtu"))
-    surface, table = str(tmp_path / "ball.surf.gii"), tmp_path / "table.tsv"
-    write_surface(boundary_surface(ball)[0], surface)
-    how = ["--surface", surface, "--q-max", "0.99", "--cell-size", "1"]
-    assert main(["compare", exact, larger_file, *how, "-o", str(table)]) == 0
-
-    said = capsys.readouterr().out
-    assert "exact: certified\n" in said
-    assert "larger: NOT certified:\n  distance of a boundary node to the surface" in said
-    rows = read_tsv(table).set_index("number")
-    assert list(rows.columns) == ["limit", "exact", "larger"]
-    distance = rows.loc["Distance of a boundary node to the surface, at most"]
-    assert distance["limit"] == "at most 0.001 mm"
-    off = [float(distance[name].removesuffix(" mm")) for name in ("exact", "larger")]
-    assert off == [pytest.approx(0, abs=1e-6), pytest.approx(0.01, abs=1e-4)], "of a ball of radius 1"
-
-    assert main(["compare", exact, twin, *how]) == 0
-    assert f"{twin}: certified" in capsys.readouterr().out, "files of the same name are told apart"
-    assert main(["compare", exact, exact, *how]) == 1
-    assert "given twice" in capsys.readouterr().err

@@ -53,8 +53,8 @@ STACK = 'Current thread 0x00007f (most recent call first):\n  File "/x/a.py", li
         ("Traceback ...\n10:01 ERROR a.gii: is open\n  edge 3\n", "a.gii: is open;   edge 3"),
         (STACK, "stopped from outside, at its time limit or by hand, in fill, line 3 of /x/a.py"),
         ("Traceback ...\nKeyboardInterrupt\n", "stopped by you"),
-        ("", "ended without a message: killed, or out of memory or time"),
-        (None, "ended without a message: killed, or out of memory or time"),
+        ("", "ended without a message: killed, or ran out of memory or time"),
+        (None, "ended without a message: killed, or ran out of memory or time"),
     ],
 )
 def test_why_a_job_failed_follows_from_its_log(tmp_path, text, reason):

@@ -122,7 +122,7 @@ def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study, tmp_path):
     words = [word for word in clone.command() if word != "--verbose"]  # which shows Snakemake's own traceback
     other = subprocess.run(words, cwd=clone.folder, capture_output=True, text=True, check=False)
     assert other.returncode != 0
-    assert f"another run is writing to it: process {first.pid} on" in other.stdout + other.stderr
+    assert f"another run is writing to this folder: process {first.pid} on" in other.stdout + other.stderr
     assert "Traceback" not in other.stdout + other.stderr
 
     first.send_signal(signal.SIGKILL)

@@ -44,6 +44,7 @@ def head(across: int = 3) -> TetMesh:
 def test_bounds_are_shares_of_the_volume():
     assert bounds_of([1] * 4).tolist() == [0, 0.25, 0.5, 0.75, 1]
     assert bounds_of([1, 1, 2]).tolist() == [0, 0.25, 0.5, 1]
+    assert bounds_of([0.1] * 17)[-1] == 1, "rounding leads to no depth beyond the white surface"
 
 
 def test_layers_share_the_volume_of_the_cortex_as_asked():

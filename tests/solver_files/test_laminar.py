@@ -163,7 +163,7 @@ def test_the_command_layers_writes_a_surface_for_each_bound(folder, tmp_path, ca
     assert main(command) == 0
     shutil.copy(tmp_path / "lh2.surf.gii", tmp_path / "lh3.surf.gii")
     assert main(command) == 0
-    assert "lh3.surf.gii: is left" in capsys.readouterr().out
+    assert "lh3.surf.gii: left" in capsys.readouterr().out
     (tmp_path / "lh3.surf.gii").unlink()
     assert sorted(file.name for file in tmp_path.glob("lh*")) == ["lh1.surf.gii", "lh2.surf.gii"]
     radii = [np.linalg.norm(read_surface(tmp_path / f"lh{number}.surf.gii").points, axis=1) for number in (1, 2)]
