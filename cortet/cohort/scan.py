@@ -88,7 +88,7 @@ def _surfaces(directory: Path, patterns: Scan, say: Callable[[str], object]) -> 
             words = f"{len(alike) + 1} surfaces of one hemisphere: {named(first, *alike)}"
             say(f"{words}; cortet uses the first (see cohort.scan.surfaces)")
     if beside:
-        say(f"cortet uses another surface of the hemisphere than {named(*beside)} (see cohort.scan.surfaces)")
+        say(f"not used, because the hemisphere has another surface: {named(*beside)} (see cohort.scan.surfaces)")
     if placed := [path for path in taken.values() if _template_of(path)]:
         words = f"surfaces in template space ({_template_of(placed[0])}): {named(*placed)}"
         say(f"{words}; they do not have the subject's size and position")

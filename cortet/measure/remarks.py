@@ -79,7 +79,7 @@ def _gaps(reports: Mapping[str, Any], parameters: Mapping[str, Any]) -> Iterator
         if share >= _EXCHANGED:
             yield (
                 f"{one['name']} gave way to the surface around it: {exchanged:.2f} mL, {share:.0%} of the tissue "
-                f"between the two, belonged to {one['name']} (remedy: a smaller cell size or regions.min_gap)"
+                f"between the two, was part of {one['name']} (remedy: a smaller cell size or regions.min_gap)"
             )
         if one["min_gap_mm"] < 0.99 * asked:
             yield (

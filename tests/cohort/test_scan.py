@@ -156,12 +156,12 @@ SEVERAL: dict[str, tuple[list[str], list[str], str]] = {
     "two patterns": (
         [f"{A}_hemi-{hemi}_{kind}.surf.gii" for hemi in "LR" for kind in ("smoothwm", "white")],
         [f"{A}_hemi-{hemi}_white.surf.gii" for hemi in "LR"],
-        f"another surface of the hemisphere than {A}_hemi-L_smoothwm.surf.gii, {A}_hemi-R_smoothwm.surf.gii",
+        f"the hemisphere has another surface: {A}_hemi-L_smoothwm.surf.gii, {A}_hemi-R_smoothwm.surf.gii",
     ),
     "another in the space of a template": (
         [f"{A}_hemi-L_space-T1w_white.surf.gii", f"{A}_hemi-L_space-MNI152_wm.surf.gii"],
         [f"{A}_hemi-L_space-T1w_white.surf.gii"],
-        f"another surface of the hemisphere than {A}_hemi-L_space-MNI152_wm.surf.gii",
+        f"the hemisphere has another surface: {A}_hemi-L_space-MNI152_wm.surf.gii",
     ),
     "one in the space of a template": (
         [f"{A}_hemi-R_space-MNI152_wm.surf.gii"],
