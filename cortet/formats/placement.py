@@ -78,7 +78,7 @@ def require_precision(points: FloatArray, cell_size: float) -> None:
         return
     what = (
         f"coordinates reach {furthest:.4g} mm, where single precision resolves only {step:.2g} mm, "
-        f"apart, {step / cell_size:.1%} of the cell size"
+        f"{step / cell_size:.1%} of the cell size"
     )
     if step > _TOO_COARSE * cell_size:
         raise InputError(what, remedy="translate the surface and its volumes to the origin")
