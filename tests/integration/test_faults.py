@@ -114,7 +114,7 @@ def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study, tmp_path):
 
     for words in ((), ("--dry-run",)):
         again = study.run(*words)
-        assert again.returncode != 0 and "another run is writing to it" in again.stdout + again.stderr
+        assert again.returncode != 0 and "another run is writing to" in again.stdout + again.stderr
 
     (tmp_path / "clone").mkdir()
     clone = Study(tmp_path / "clone", {**study.config, "output": str(study.folder / "derivatives/cortet")})
