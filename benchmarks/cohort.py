@@ -31,7 +31,7 @@ from typing import NamedTuple
 import yaml
 from _frame import ROOT, command
 
-from cortet.cohort.resources import MEMORY_MARGIN, Cost, cost, disk_mb, expected_tets, memory_to_ask_mb, minutes_to_ask
+from cortet.cohort.resources import MEMORY_MARGIN, Cost, cost, expected_tets, memory_to_ask_mb, minutes_to_ask
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
 from cortet.errors import InputError
 from cortet.formats.gifti import write_surface
@@ -51,6 +51,9 @@ JOBS = {"cgal": (*RULES, "relocate"), "lattice": RULES}
 JOB_SECONDS, STAGE_SECONDS = 4.0, 2.0
 #: mL of a hemisphere: mean of the fetal and neonatal templates at hand
 VOLUME_ML = 60.0
+#: bytes per tetrahedron of the files of one mesh: of the last stage, exported with its sets (BrainGrowth's takes 37),
+#: and for the browser; and the meshes that only later stages read
+FINAL_BYTES, INTERMEDIATE_BYTES = 9.0 + 10.0 + 1.5, 4 * 9.0
 
 
 class GivenUpError(Exception):
@@ -175,7 +178,7 @@ def print_plan(counts: list[int], cell_size: float) -> None:
         memory = max(memory_to_ask_mb(found.memory_mb(tets)) for found in costs)
         for count in counts:
             hours = count * (seconds + 3 * JOB_SECONDS + len(jobs) * STAGE_SECONDS) / 3600
-            disk, final = (count * disk_mb(tets, keep_intermediates=keep) / 1000 for keep in (True, False))
+            disk, final = (count * tets * size / 1e9 for size in (FINAL_BYTES + INTERMEDIATE_BYTES, FINAL_BYTES))
             row = (mesher, count, count * tets / 1e6, hours, disk, final, memory)
             print("".join(f"{value:>18.0f}" if isinstance(value, float) else f"{value:>18}" for value in row))
 

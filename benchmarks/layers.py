@@ -93,8 +93,8 @@ def of_shell(radius: float, h: float) -> Row:
         "tets": len(found.wall.cells),
         "columns": cortex.known.mean(),
         "thickness_off": np.abs(found.thickness - THICKNESS).mean(),
-        "depth_off": np.abs(found.depth - depth)[between].mean(),
-        "equivolumetric_off": np.abs(found.depth_equivolumetric - share)[between].mean(),
+        "depth_off": np.abs(found.depth(equivolumetric=False)[0] - depth)[between].mean(),
+        "equivolumetric_off": np.abs(found.depth(equivolumetric=True)[0] - share)[between].mean(),
         "they_differ": np.abs(depth - share)[between].mean(),
         "angle_deg": np.degrees(np.arccos(np.clip(cosine, -1, 1))).mean(),
         "layers_off": np.abs(volumes / volumes.mean() - 1).max(),
@@ -134,7 +134,7 @@ def of_pair(file: Path, h: float, layers: int) -> Row:
     freesurfer, straight = (there + back) / 2, np.linalg.norm(pial.points - white.points, axis=1)
     apart = np.isfinite(thickness) & (freesurfer > h / 2)
     laminar, bounds = Laminar(found, ["white"]), []
-    for depth in bounds_of([1] * layers).tolist():
+    for depth in bounds_of([1] * layers).tolist()[1:-1]:
         points, theirs = laminar.points(depth), waehnert(white, pial, depth)
         off = closest_points(tree_of(TriSurface(theirs, white.faces)), points[apart]).distances
         placed = np.where(np.isfinite(points), points, found.points)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from cortet.version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from cortet.api import Mesh, certify, compare, convert, improve, mesh, read, repair, surface
+    from cortet.api import Mesh, certify, convert, improve, mesh, read, repair, surface
     from cortet.api.folding import Folded, fold, growth
     from cortet.errors import CortetError, InputError
     from cortet.phantoms import phantom
@@ -37,9 +37,7 @@ if "numba" in sys.modules:  # it has read its environment already
 #: call or error -> its module, loaded when it is first asked for: jobs of the workflow do not need it
 _MODULES = {
     **dict.fromkeys(("CortetError", "InputError"), "cortet.errors"),
-    **dict.fromkeys(
-        ("Mesh", "certify", "compare", "convert", "improve", "mesh", "read", "repair", "surface"), "cortet.api"
-    ),
+    **dict.fromkeys(("Mesh", "certify", "convert", "improve", "mesh", "read", "repair", "surface"), "cortet.api"),
     "phantom": "cortet.phantoms",
     **dict.fromkeys(("Folded", "fold", "growth"), "cortet.api.folding"),
 }
@@ -47,7 +45,6 @@ _MODULES = {
 __all__ = ["CortetError", "Folded", "InputError", "Mesh"]
 __all__ += [
     "certify",
-    "compare",
     "convert",
     "fold",
     "growth",

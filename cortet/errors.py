@@ -53,7 +53,7 @@ class DamagedFileError(InputError):
     """A file is incomplete, or not of the format that its name says."""
 
     def __init__(self, what: str, *, file: object) -> None:
-        super().__init__(what, file=file, remedy="export it again: it is damaged, or of another format")
+        super().__init__(what, file=file, remedy="export it again: it is damaged or has another format")
 
 
 class StageError(CortetError):

@@ -33,13 +33,13 @@ def require_indices(indices: NDArray[Any], count: int, what: str, of: str) -> No
         return
     if indices.dtype.kind not in "iu":
         raise InputError(
-            f"{what} 0 is {indices[0].tolist()!r}, of type {indices.dtype}, not integer", remedy="give whole numbers"
+            f"{what} 0 is of type {indices.dtype}, not an integer: {indices[0].tolist()!r}", remedy="give integers"
         )
     if indices.min() < 0 or indices.max() >= count:
         first = int(np.flatnonzero(((indices < 0) | (indices >= count)).reshape(len(indices), -1).any(axis=1))[0])
         raise InputError(
-            f"{what} {first} is {indices[first].tolist()}, but {of} run from 0 to {count - 1}",
-            remedy="count from 0, and give all of them",
+            f"{what} {first} is {indices[first].tolist()}, but {of} are numbered from 0 to {count - 1}",
+            remedy="number them from 0, and include all of them",
         )
 
 
@@ -51,9 +51,11 @@ def _frozen(array: Any, dtype: type, columns: int, name: str, check: Callable[[N
     try:
         given = np.asarray(array)
     except ValueError as error:
-        raise InputError(f"{name} are not an array: {error}", remedy="give rows of the same length") from None
+        raise InputError(f"cannot convert {name} to an array: {error}", remedy="give rows of equal length") from None
     if given.ndim != 2 or given.shape[1] != columns:
-        raise InputError(f"{name} must have shape (n, {columns}), got {given.shape}", remedy="give one row for each")
+        raise InputError(
+            f"{name} must have shape (n, {columns}), got {given.shape}", remedy=f"give {columns} numbers in each row"
+        )
     check(given)
     result: NDArray[Any] = np.ascontiguousarray(given, dtype=dtype)
     if result.flags.writeable:
@@ -84,8 +86,8 @@ def _fields(fields: Mapping[str, Any], count: int, of: str) -> dict[str, NDArray
     for name, values in fields.items():
         array = np.asarray(values)
         if array.ndim == 0 or len(array) != count:
-            what = f"field {name} has shape {array.shape}, but there are {count} {of}"
-            raise InputError(what, remedy="give one value, or row of values, for each")
+            what = f"field {name} has shape {array.shape}, which does not match the {count} {of}"
+            raise InputError(what, remedy="give one value, or one row of values, for each")
         if array.flags.writeable:
             array = array.copy()
             array.flags.writeable = False
@@ -152,12 +154,12 @@ def region_names(inner: Iterable[str]) -> list[str]:
         regions have the same name (case does not count, as in some solvers); or one has that of the core
     """
     names = _region_names(list(inner))
-    known = {INNERMOST: "all that lies inside the cortex"}
+    known = {INNERMOST: "everything inside the cortex"}
     for name in names:
         if (other := known.setdefault(name.lower(), f"the region {name}")) != f"the region {name}":
             raise InputError(
-                f"an inner surface would be named {name}, and {other} is, too",
-                remedy="give it another name; case does not count",
+                f"the inner surface {name} would have the same name as {other}",
+                remedy="give it a different name; case is ignored",
             )
     return names
 
@@ -167,12 +169,15 @@ def _region_names(named: list[str]) -> list[str]:
     if not any(is_brain(name) for name in named):
         if around:
             raise InputError(
-                f"the inner surface {around[0]} has a name that is reserved for what lies around the brain",
-                remedy="give it another name, ventricle for example",
+                f"the name {around[0]} is reserved for the region around the brain, and no inner surface is the brain",
+                remedy="give the inner surface another name, for example ventricle",
             )
         return [OUTERMOST, *named]
     if len(around) == len(AROUND):
-        raise InputError(f"inner surfaces use all of {', '.join(AROUND)}", remedy="rename one of them")
+        raise InputError(
+            f"the inner surfaces use all the names of the outermost region: {', '.join(AROUND)}",
+            remedy="rename one of them",
+        )
     return [next(name for name in AROUND if name not in named), *named]
 
 

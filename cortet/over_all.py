@@ -101,12 +101,12 @@ def plan_of_run(output: Path) -> tuple[Plan, list[str]]:
         config, asked, folder = record["config"], list(record["asked"]), output / record["folder"]
     except (LookupError, TypeError):
         remedy = "name the output folder of `snakemake` or `cortet run`"
-        raise InputError("no run of cortet left its configuration there", file=output, remedy=remedy) from None
+        raise InputError("the folder has no configuration of a cortet run", file=output, remedy=remedy) from None
     try:
         os.chdir(folder)
     except OSError:
-        remedy = "move the output folder back beside it, or start the run again"
-        raise InputError("the folder of the run is not there", file=folder, remedy=remedy) from None
+        remedy = "move the output folder back next to it, or restart the run"
+        raise InputError("the folder of the run is missing", file=folder, remedy=remedy) from None
     return plan_of({**config, "output": os.path.relpath(output)}), asked
 
 
@@ -161,7 +161,7 @@ def aggregate(config: Mapping[str, Any], output: Path, *, dry_run: bool = False)
     """
     plan = plan_of(config)
     if not with_failures(plan).measured_certificates():
-        raise InputError("holds no mesh of these cases yet", file=output, remedy="run the level participant first")
+        raise InputError("has no mesh of these cases yet", file=output, remedy="run the participant level first")
     if not dry_run:
         remember_run(plan, config, {*run_record(output).get("asked", []), *OF_COHORT})
         report(output)
@@ -195,7 +195,7 @@ def _write_failure_pages(plan: Plan) -> list[str]:
         try:
             surface = gifti.read_surface(str(given), finite=False) if given else None
         except CortetError as error:
-            trouble = f"It cannot be drawn: {error}"
+            trouble = f"cortet cannot draw it: {error}"
         facts, cohort = about(plan.about(job)), beside(plan.layout.cohort_page, page)
         write_failure_page(case.name, failure, page, surface=surface, trouble=trouble, facts=facts, cohort=cohort)
         with atomic_path(small[mesh]) as temporary:

@@ -7,26 +7,20 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypedDict, Unpack
 
 from cortet.config import Config, load
 from cortet.errors import InputError
-from cortet.formats import format_of
-from cortet.formats.atomic import recorded
-from cortet.formats.ownership import may_write
 from cortet.formats.placement import placed
-from cortet.formats.tables import write_table
 from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate, certify
 from cortet.meshes import TetMesh, TriSurface, region_names
-from cortet.solver_files.meshed import Origin, certificate_path, meshed_files, require_own_stem, write_meshed
-from cortet.solver_files.sidecar import sidecar_path
-from cortet.solver_files.volumes import TISSUE_COLUMNS, require_in_place
-from cortet.solver_files.write import write
+from cortet.solver_files.meshed import certificate_path, meshed_files
+from cortet.solver_files.volumes import require_in_place
 from cortet.stages import (
     MESH_STAGES,
     STAGES,
@@ -288,75 +282,3 @@ def companions(path: Path, inner: Iterable[str], *, volumes: bool) -> Companions
     """The companions of a mesh with some inner regions, and with or without volumes."""
     table = path.with_name(f"{path.name.removesuffix(path.suffix)}.volumes.tsv")
     return Companions(certificate_path(path), meshed_files(region_names(inner), path), table if volumes else None)
-
-
-def save(
-    made: Meshed,
-    path: Path,
-    config: Config,
-    origin: Origin,
-    *,
-    kind: str | None,
-    labels: Mapping[str, Mapping[int, str]],
-    rows: Sequence[Mapping[str, Any]] = (),
-    force: bool = False,
-    uncertified: bool = False,
-    views: Callable[[Callable[[Path], Path]], None] = lambda _: None,
-) -> list[str]:
-    """Write a mesh with its certificate, the surface that was meshed, and a table of its labels.
-
-    The file of a mesh that is not certified is left out unless `uncertified` is true.
-
-    Parameters
-    ----------
-    made : its mesh with the values of volumes
-    kind : of the given surface
-    labels, rows : names of the labels of volumes, and rows of `TISSUE_COLUMNS`
-    force : replace the companions of another mesh
-    views : writes pictures and pages; gets a function that gives the temporary name of each
-
-    Returns
-    -------
-    What the format cannot hold, in words.
-    """
-    mesh, certificate, surface = made
-    beside = companions(path, surface.inner, volumes=bool(rows))
-    if not force:
-        require_own_stem(
-            path,
-            origin.given,
-            cell_size=config.generate.cell_size[0],
-            mesh_sha256=certificate.mesh_sha256,
-        )
-    for file in (*beside.files, sidecar_path(path)):
-        may_write(file)
-    is_written = certificate.certified or uncertified
-    told = []
-
-    def write_mesh(folder: Path) -> None:
-        if is_written:
-            told.extend(
-                write(
-                    mesh,
-                    surface,
-                    path,
-                    certificate=asdict(certificate),
-                    origin=replace(origin, meshed=beside.surfaces),
-                    sets=config.export.sets(kind),
-                    labels=labels,
-                    units=config.export.field_units,
-                    arguments={**config.export_arguments(format_of(path).name), "uncertified": uncertified},
-                    temporary=folder,
-                )
-            )
-
-    # files of an earlier run are not to be taken for this run's
-    earlier = (beside.certificate, sidecar_path(path))
-    with recorded(asdict(certificate), beside.certificate, replaced=earlier, then=write_mesh) as place:
-        write_meshed(surface, place(path))
-        if beside.tissues:
-            write_table(TISSUE_COLUMNS, rows, place(beside.tissues))
-        views(place)
-    if force and not is_written:
-        path.unlink(missing_ok=True)
-    return told

@@ -9,12 +9,11 @@ job = start(snakemake)
 from cortet.formats import gifti, vtu
 from cortet.formats.tables import write_table
 from cortet.report.slices import slices
-from cortet.solver_files.volumes import TISSUE_COLUMNS, backgrounds, read_volumes, require_in_place, with_volumes
+from cortet.solver_files.volumes import TISSUE_COLUMNS, backgrounds, read_volumes, with_volumes
 
 volumes = read_volumes(job.params.volumes)
 job.require_unchanged_input()
 surface = gifti.read_nested(job.input.surface, job.input.inner)
-require_in_place(volumes, surface)
 background = backgrounds(volumes, surface)
 for one in background:
     logging.info("%s", one.sentence)

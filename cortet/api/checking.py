@@ -1,29 +1,25 @@
-"""`certify`, `compare` and `repair`: check meshes, repair surfaces."""
+"""`certify` and `repair`: check meshes, repair surfaces."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from cortet.api.files import NO_FILES, filling, known_size
-from cortet.api.given import Later, Settings, SurfaceLike, sections, surface
+from cortet.api.given import Settings, SurfaceLike, sections, surface
 from cortet.api.meshing import Mesh
 from cortet.config import load
-from cortet.errors import InputError, short_traceback
+from cortet.errors import short_traceback
 from cortet.formats.gifti import read_surface
+from cortet.formats.placement import placed
 from cortet.measure.certify import Certificate
 from cortet.measure.certify import certify as checked
 from cortet.meshes import TetMesh, TriSurface
 from cortet.solver_files.sidecar import read_sidecar
 from cortet.stages.repair import repair as mended
 from cortet.stages.separate import separate
-
-if TYPE_CHECKING:
-    import pandas as pd
-else:
-    pd = Later("pandas")
 
 
 @short_traceback
@@ -92,7 +88,7 @@ def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSur
 
     Parameters
     ----------
-    shape : surface, mm, as `mesh` takes it; coordinates in a file may be non-finite
+    shape : surface, mm unless `gate.unit` says otherwise, as `mesh` takes it; coordinates in a file may be non-finite
     settings : a configuration file, or its keys by section: {"repair": {"max_hole": 50.0}}
 
     Returns
@@ -112,61 +108,6 @@ def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSur
     """
     given = read_surface(shape, finite=False) if isinstance(shape, str | Path) else surface(shape)
     config = load(settings if settings is not None else {"repair": {"enabled": True}})
-    result, report = mended(given, config.repair, source=None, allow_genus=config.gate.allow_genus)
+    in_mm = placed(given, config.placement())
+    result, report = mended(in_mm, config.repair, source=None, allow_genus=config.gate.allow_genus)
     return result, asdict(report)
-
-
-@short_traceback
-def compare(
-    meshes: Mapping[str, TetMesh | Mesh | str | Path], shape: SurfaceLike, cell_size: float | None = None
-) -> pd.DataFrame:
-    """The numbers of several meshes of one surface side by side.
-
-    Parameters
-    ----------
-    meshes : name -> a file, what `mesh` or `read` returns, or a `TetMesh`; coordinates in mm
-    shape, cell_size : as of `certify`
-
-    Returns
-    -------
-    a row for each number of the certificate, with its unit, and a column for each mesh
-
-    Raises
-    ------
-    InputError : there are no meshes, or they have no names
-
-    Examples
-    --------
-    >>> list(cortet.compare({"mine": "x.vtu"}, "x.meshed.surf.gii").columns)
-    ['mine']
-    """
-    if not (isinstance(meshes, Mapping) and meshes):
-        what = "no meshes are given" if isinstance(meshes, Mapping) else "the meshes have no names"
-        raise InputError(what, remedy='give them by name: {"mine": mesh}')
-    filled = surface(shape)
-    found = side_by_side({name: certify(one, filled, cell_size) for name, one in meshes.items()})
-    return found.iloc[:, 1:]
-
-
-def side_by_side(certificates: Mapping[str, Certificate]) -> pd.DataFrame:
-    """A row for each number of some certificates, with its limit, if any, in the first column.
-
-    Parameters
-    ----------
-    certificates : name of the mesh -> its certificate; all made with the same limits
-    """
-    import pandas as pd
-
-    from cortet.report.numbers import ELEMENTS, of_check
-
-    columns = {}
-    limits: dict[str, str] = {}
-    for name, certificate in certificates.items():
-        content = asdict(certificate)
-        checks = [of_check(check) for check in content["checks"]]
-        elements = {number: form.format_map(content["quality"]) for number, form in ELEMENTS.items()}
-        columns[name] = elements | {check["name"]: check["value"] for check in checks}
-        limits |= {check["name"]: check["limit"] for check in checks}
-    table = pd.DataFrame(columns)
-    table.insert(0, "limit", [limits.get(number, "no limit") for number in table.index], allow_duplicates=True)
-    return table

@@ -140,7 +140,7 @@ def convert(source: str | Path, target: str | Path, *, force: bool = False) -> l
     Examples
     --------
     >>> cortet.convert("x.vtu", "x.msh")
-    ['left out, as the format has no sets of nodes: cortical_surface']
+    ['left out, because the format has no sets of nodes: cortical_surface']
     """
     with guarded([Path(source)], files=[Path(target)], force=force):
         return export.convert(Path(source), Path(target))
@@ -167,7 +167,7 @@ def filling(
     elif shape is None and isinstance(made, Mesh):
         filled = made.surface
     elif shape is None:
-        raise InputError("it is not known which surface was meshed", remedy="give the surface, too")
+        raise InputError("cortet cannot tell which surface was meshed", remedy="also give the surface")
     else:
         filled = surface(shape)
     if inner and not isinstance(made, str | Path):
@@ -186,9 +186,9 @@ def _require_one_place(mesh: TetMesh, filled: TriSurface, file: Path | None) -> 
             " to ".join(f"({', '.join(f'{x:.4g}' for x in corner)})" for corner in corners) for corners in (box, wanted)
         )
         raise InputError(
-            f"reaches from {here} mm, and its surface from {there} mm",
+            f"lies elsewhere than its surface: it extends from {here} mm, the surface from {there} mm",
             file=file,
-            remedy="give the mesh in mm, in the coordinates of its surface; or name the surface that it fills",
+            remedy="give the mesh in mm, in the coordinates of its surface, or name the surface that it fills",
         )
 
 

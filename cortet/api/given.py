@@ -46,7 +46,8 @@ def values_of(given: ArrayLike, what: str = "values") -> NDArray[Any]:
         values = np.asarray(given)
         values = values.astype(np.float64) if values.dtype == object else values
     except (TypeError, ValueError) as error:  # rows of several lengths, or things without a number
-        raise InputError(f"{what}: not all are numbers: {error}", remedy="give numbers, (n,) or (n, k)") from error
+        what = f"{what}: not all values are numbers: {error}"
+        raise InputError(what, remedy="give numbers, (n,) or (n, k)") from error
     if values.dtype.kind not in "biuf" or values.ndim not in (1, 2):
         raise InputError(
             f"{what}: the type is {values.dtype} and the shape {values.shape}", remedy="give numbers, (n,) or (n, k)"
@@ -139,7 +140,7 @@ def require_fields(fields: Mapping[str, Any]) -> None:
 
 def _of_polydata(shape: Any) -> TriSurface:
     if not shape.n_cells:
-        raise InputError(f"the PolyData has {shape.n_points} points and no faces", remedy="give one with triangles")
+        raise InputError(f"the PolyData has {shape.n_points} points and no faces", remedy="give a mesh with triangles")
     if not shape.is_all_triangles:
         raise InputError("the PolyData has faces that are not triangles", remedy="call triangulate() on it first")
     return TriSurface(shape.points, shape.regular_faces, dict(shape.point_data))

@@ -28,11 +28,12 @@ from cortet.api.given import (
 from cortet.config import Config, load
 from cortet.errors import InputError, short_traceback
 from cortet.formats import format_of, read_mesh
+from cortet.formats.atomic import recorded
 from cortet.formats.gifti import hemisphere_of, kind_of
-from cortet.formats.ownership import guarded
+from cortet.formats.ownership import guarded, may_write
 from cortet.formats.placement import placed
 from cortet.formats.set_arrays import with_sets
-from cortet.formats.tables import names
+from cortet.formats.tables import names, write_table
 from cortet.formats.tags import regions
 from cortet.formats.volumes import Volume
 from cortet.geometry.interpolation import applied
@@ -42,12 +43,12 @@ from cortet.measure.certify import Certificate, with_remarks
 from cortet.measure.layers import require_layers
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, region_names, require_measurable
-from cortet.pipeline import About, Meshed, Step, mesh_surface, save
+from cortet.pipeline import About, Step, companions, mesh_surface
 from cortet.solver_files.fields import with_fields, with_q, without_q
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
 from cortet.solver_files.laminar import Laminar
-from cortet.solver_files.meshed import Origin
-from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar
+from cortet.solver_files.meshed import Origin, require_own_stem, write_meshed
+from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar_path
 from cortet.solver_files.surface_map import SurfaceMap, surface_map
 from cortet.solver_files.volumes import (
     TISSUE_COLUMNS,
@@ -55,18 +56,17 @@ from cortet.solver_files.volumes import (
     backgrounds,
     label_names,
     read_volumes,
-    require_in_place,
     with_volumes,
 )
 from cortet.solver_files.write import with_sets as with_named_sets
+from cortet.solver_files.write import write
 
 if TYPE_CHECKING:
-    import meshio
     import pandas as pd
     import pyvista
     from nibabel import spatialimages
 else:
-    meshio, pd, pyvista, spatialimages = map(Later, ("meshio", "pandas", "pyvista", "nibabel.spatialimages"))
+    pd, pyvista, spatialimages = map(Later, ("pandas", "pyvista", "nibabel.spatialimages"))
 
 #: width and height of the picture in a notebook, pixels
 _PICTURE = (640, 480)
@@ -221,7 +221,7 @@ class Mesh:
         if len(given) != found.from_surface.shape[1]:
             raise InputError(
                 f"{len(given):,} values for a surface of {found.from_surface.shape[1]:,} vertices",
-                remedy="give one for each vertex of the surface as it was given",
+                remedy="give one for each vertex of the input surface",
             )
         return applied(found.from_surface, given)
 
@@ -234,7 +234,7 @@ class Mesh:
         """
         name = next(iter(self.native), "") if region is None else region
         if name not in self.native:
-            raise InputError(f"no surface {name!r} was given", remedy=f"name one of {', '.join(self.native) or 'none'}")
+            raise InputError(f"there is no surface {name!r}", remedy=f"name one of {', '.join(self.native) or 'none'}")
         if name not in self._maps:
             self._maps[name] = surface_map(
                 self.mesh,
@@ -271,23 +271,10 @@ class Mesh:
         import pyvista
 
         grid = pyvista.UnstructuredGrid({pyvista.CellType.TETRA: self.cells}, self.points)
-        of_nodes, of_cells = self._arrays()
+        of_nodes, of_cells = with_sets(with_q(self.named()))
         grid.point_data.update(of_nodes)
         grid.cell_data.update(of_cells)
         return grid
-
-    def to_meshio(self) -> meshio.Mesh:
-        """The mesh for meshio, with the arrays of `to_pyvista`."""
-        import meshio
-
-        of_nodes, of_cells = self._arrays()
-        return meshio.Mesh(
-            self.points, [("tetra", self.cells)], of_nodes, {name: [values] for name, values in of_cells.items()}
-        )
-
-    def _arrays(self) -> tuple[dict[str, NDArray[Any]], dict[str, NDArray[Any]]]:
-        """Arrays of nodes and of tetrahedra, as the VTU file has them."""
-        return with_sets(with_q(self.named()))
 
     def plot(self, size: tuple[int, int] = (1200, 900)) -> NDArray[np.uint8]:
         """A picture of the mesh, cut open, with the rest transparent: (height, width, 4); needs no display."""
@@ -341,7 +328,7 @@ class Mesh:
         except OSError as error:
             what, remedy = (
                 f"cannot be written: {error.strerror or error}",
-                "give a folder with space that you may write to",
+                "use a writable folder with enough space",
             )
             raise InputError(what, file=path, remedy=remedy) from error
         return path
@@ -527,7 +514,6 @@ def inputs(
     native = dict(zip(region_names(in_mm.inner), sheets(in_mm), strict=True))
     if shell is not None:
         native = dict(list(native.items())[1:])
-    require_in_place(images, in_mm)
     background = backgrounds(images, in_mm)
     origin = Origin(
         region_files,
@@ -562,9 +548,9 @@ def _depths(given: Sequence[float]) -> list[float]:
     try:
         depths = [float(depth) for depth in given]
     except (TypeError, ValueError) as error:
-        raise InputError(f"{given!r} are no depths", remedy="give numbers from 0 to 1") from error
+        raise InputError(f"{given!r} are not depths", remedy="give numbers from 0 to 1") from error
     if not depths:
-        raise InputError("no depth is given", remedy="give numbers from 0 to 1")
+        raise InputError("no depths were given", remedy="give numbers from 0 to 1")
     return depths
 
 
@@ -583,18 +569,64 @@ def _others(given: Mapping[str, Any] | None) -> dict[str, Any]:
     return {name: one for name, one in (given or {}).items() if not isinstance(one, str | Path)}
 
 
-def write_files(made: Mesh, path: Path, **how: Any) -> list[str]:
-    """Write a mesh and its companions; `how` and the result are those of `pipeline.save`."""
-    return save(
-        Meshed(made.mesh, made.certificate, made.surface),
-        path,
-        made.config,
-        made.origin,
-        kind=made.origin.kind,
-        labels=made.label_names,
-        rows=made.tissue_rows,
-        **how,
-    )
+def write_files(
+    made: Mesh,
+    path: Path,
+    *,
+    force: bool = False,
+    uncertified: bool = False,
+    views: Callable[[Callable[[Path], Path]], None] = lambda _: None,
+) -> list[str]:
+    """Write a mesh with its certificate, the surface that was meshed, and a table of its labels.
+
+    The file of a mesh that is not certified is left out unless `uncertified` is true.
+
+    Parameters
+    ----------
+    force : replace the companions of another mesh
+    views : writes pictures and pages; gets a function that gives the temporary name of each
+
+    Returns
+    -------
+    What the format cannot hold, in words.
+    """
+    config, origin, certificate = made.config, made.origin, asdict(made.certificate)
+    beside = companions(path, made.surface.inner, volumes=bool(made.tissue_rows))
+    if not force:
+        size, digest = config.generate.cell_size[0], made.certificate.mesh_sha256
+        require_own_stem(path, origin.given, cell_size=size, mesh_sha256=digest)
+    for file in (*beside.files, sidecar_path(path)):
+        may_write(file)
+    is_written = made.certified or uncertified
+    told = []
+
+    def write_mesh(folder: Path) -> None:
+        if is_written:
+            told.extend(
+                write(
+                    made.mesh,
+                    made.surface,
+                    path,
+                    certificate=certificate,
+                    origin=replace(origin, meshed=beside.surfaces),
+                    sets=config.export.sets(origin.kind),
+                    labels=made.label_names,
+                    units=config.export.field_units,
+                    arguments={**config.export_arguments(format_of(path).name), "uncertified": uncertified},
+                    temporary=folder,
+                )
+            )
+
+    # files of an earlier run are not to be taken for this run's
+    earlier = (beside.certificate, sidecar_path(path))
+    with recorded(certificate, beside.certificate, replaced=earlier, then=write_mesh) as place:
+        write_meshed(made.surface, place(path))
+        if beside.tissues:
+            write_table(TISSUE_COLUMNS, made.tissue_rows, place(beside.tissues))
+        views(place)
+    if force and not is_written:
+        path.unlink(missing_ok=True)
+    return told
 
 
 def teller(progress: bool | Callable[[Step], None]) -> Callable[[Step], None]:
@@ -620,7 +652,7 @@ def tetrahedra(made: TetMesh | Mesh | str | Path, *, whole: bool = False) -> Tet
         file = Path(made)
         if whole and (holes := (read_sidecar(file).get("made_from") or {}).get("holes")):
             raise InputError(
-                f"lacks the tetrahedra inside {', '.join(holes)}, and this needs the whole mesh",
+                f"lacks the tetrahedra inside {', '.join(holes)}, but the entire mesh is required",
                 file=file,
                 remedy="mesh again without holes",
             )

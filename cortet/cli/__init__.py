@@ -30,12 +30,6 @@ __all__ = ["app", "commands", "main"]
 
 #: the last of an option given twice counts; what looks like JSON is the name of a file
 _OPTIONS = Parameter(negative=(), show_default=False, allow_repeating=True, json_list=False, json_dict=False)
-#: commands that went -> what to use instead
-_WENT = {
-    "verify": "went, as the tests read what cortet writes: `cortet certify` checks a mesh",
-    "stages": "went: `cortet mesh` prints the same rows, and `cohort_stages.tsv` has them for a cohort",
-    "job": "went: examples/calculix.py and examples/fenics.py write such jobs",
-}
 _PLAIN = DefaultFormatter(panel_spec=PanelSpec(box=Box("    \n" * 8), padding=0))
 
 
@@ -98,8 +92,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _parsed(words: list[str]) -> tuple[Any, inspect.BoundArguments]:
     """The function of a command and its arguments. Wrong usage is said in one line, and ends with 2."""
     top = app()
-    if words and words[0] in _WENT:
-        raise _usage(["cortet"], f"{words[0]} {_WENT[words[0]]}")
     try:
         command, bound, _ = top.parse_args(words, print_error=False, exit_on_error=False)
     except CycloptsError as error:

@@ -49,7 +49,7 @@ Weeks = Annotated[
         converter=_weeks,
         n_tokens=1,
         metavar="WEEKS",
-        help="Weeks at which the folded cortex is written on the vertices of the input surface, with maps: 28,34.",
+        help="Ages in weeks at which to write the folded cortex and its maps on the vertices of the input: 28,34.",
     ),
 ]
 Folder = Annotated[FolderOfFiles, O, Parameter(metavar="DIR")]
@@ -118,7 +118,7 @@ def fold(
     mesh = tetrahedra(file, whole=True)
     age, side = brain_of(file, ga, hemi)
     if age is None:
-        raise InputError("does not say for which gestational age it was made", file=file, remedy="add --ga WEEKS")
+        raise InputError("does not record the gestational age", file=file, remedy="add --ga WEEKS")
     for name in (*FILES, NUMBERS, PICTURE, FILM):  # before the work
         may_write(output / name)
     if threads:
@@ -201,7 +201,7 @@ def growth(
     later
         Surface whose vertices correspond to those of EARLY.
     ages
-        Gestational ages of the two.
+        Gestational ages of the two surfaces.
     output
         Growth tensors (.func.gii), six values per vertex.
     spheres
@@ -233,7 +233,7 @@ def growth(
         "area_ratio_percentiles": found.percentiles,
         "fields": {
             name: "logarithm of the stretch along the surface: xx, yy, zz, xy, xz, yz",
-            "area_ratio": "later over early area",
+            "area_ratio": "later area divided by early area",
             "stretch_largest, stretch_smallest": "principal stretches along the surface",
             "beyond_the_whole": "stretch of the square root of the area over that of the cube root of the volume",
         },

@@ -1,13 +1,12 @@
-"""Commands on meshes: `quality`, `certify`, `compare`, `convert`, `quadratic`, `picture`, `project`."""
+"""Commands on meshes: `quality`, `certify`, `convert`, `quadratic`, `picture`, `project`."""
 
 from __future__ import annotations
 
 import json as json_format
 import math
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, Parameter
 
@@ -23,7 +22,6 @@ from cortet.cli.values import (
     O,
     OutputFile,
     Picture,
-    TableFile,
     number,
 )
 from cortet.errors import InputError
@@ -35,16 +33,15 @@ if TYPE_CHECKING:
 
     from cortet.measure.certify import Certificate
     from cortet.meshes import TriSurface
-    from cortet.solver_files.laminar import Laminar
     from cortet.solver_files.surface_map import Depth as DepthOfMap
-    from cortet.solver_files.surface_map import SurfaceMap, ToSurface
+    from cortet.solver_files.surface_map import SurfaceMap
 
 Unit = Literal["mm", "um"]
 
 
 def add_commands(app: App) -> None:
     """Add the commands on meshes."""
-    add(app, MESHES, quality, certify, compare, convert, quadratic, picture, project)
+    add(app, MESHES, quality, certify, convert, quadratic, picture, project)
 
 
 def quality(file: MeshFile, /, *, json: bool = False, _: Common = Common()) -> int:
@@ -53,7 +50,7 @@ def quality(file: MeshFile, /, *, json: bool = False, _: Common = Common()) -> i
     Parameters
     ----------
     json
-        Every number, the histogram too, as JSON.
+        Print all numbers and the histogram as JSON.
 
     Examples
     --------
@@ -98,7 +95,7 @@ def certify(
     Parameters
     ----------
     surface
-        Default: the meshed surface, from the sidecar.
+        Surface that the mesh fills (default: the meshed surface, from the sidecar).
     output
         Also write the certificate to this file.
 
@@ -133,56 +130,6 @@ def _filled_surface(mesh: Path, given: Path | None) -> TriSurface:
     return surface
 
 
-def compare(
-    files: Annotated[Sequence[Path], Parameter(name="MESH")],
-    /,
-    *,
-    surface: InputFile | None = None,
-    output: Annotated[TableFile | None, O] = None,
-    limits: Limits = Limits(),
-    _: Writes = Writes(),
-) -> int:
-    """Compare meshes of one surface, from any program.
-
-    Parameters
-    ----------
-    surface
-        The surface they fill (default: by the sidecar of the first).
-    output
-        Also write the table to this file.
-
-    Examples
-    --------
-    cortet compare lh.vtu other.inp --surface lh.pial.surf.gii -o comparison.tsv
-    """
-    from cortet.api.checking import side_by_side
-    from cortet.formats.tsv import write_tsv
-
-    names, filled = _names_of(files), _filled_surface(files[0], surface)
-    certificates = {
-        name: cortet.certify(file, filled, limits.cell_size, limits.settings()) for name, file in names.items()
-    }
-    table = side_by_side(certificates)
-    print(table.to_string(justify="left"))
-    for name, certificate in certificates.items():
-        print(f"{name}: ", end="")
-        print_verdict(certificate)
-    if output:
-        write_tsv(table.rename_axis("number").reset_index().to_dict("records"), ["number", *table.columns], output)
-        print(f"{output}: written")
-    return 0
-
-
-def _names_of(files: Sequence[Path]) -> dict[str, Path]:
-    """The column of each file: its stem, or the file itself if two have the same stem, or that of the limits."""
-    stems = [file.stem for file in files]
-    taken = {stem for stem in stems if stems.count(stem) > 1} | {"limit"}
-    names = {str(file) if stem in taken else stem: file for stem, file in zip(stems, files, strict=True)}
-    if len(names) < len(files):
-        raise InputError("a mesh is given twice", remedy="name each file once")
-    return names
-
-
 def convert(
     source: Annotated[Path, Parameter(name="IN")],
     target: Annotated[OutputFile, Parameter(name="OUT")],
@@ -198,9 +145,9 @@ def convert(
     Parameters
     ----------
     target
-        Its suffix says for which solver.
+        Output mesh; its extension selects the format.
     unit
-        Of a CARP file that is written (default: um).
+        Unit of a CARP file that cortet writes (default: um).
     source_unit
         Unit of IN (default: from its sidecar, else um for CARP and mm for other formats).
     tags
@@ -232,7 +179,7 @@ def quadratic(
     Parameters
     ----------
     surface
-        Default: the meshed surface, from the sidecar.
+        Surface that the mesh fills (default: the meshed surface, from the sidecar).
     output
         .inp, .feb, .msh, .vtu or .xdmf.
     max_boundary_distance
@@ -309,9 +256,6 @@ def project(
     layer: Annotated[int | None, number(1, MOST_LAYERS, "N", whole=True)] = None,
     thickness: Annotated[float | None, number(*THICKNESS_MM, "MM")] = None,
     surface: InputFile | None = None,
-    parcels: InputFile | None = None,
-    sphere: InputFile | None = None,
-    template_sphere: InputFile | None = None,
     _: Writes = Writes(),
 ) -> int:
     """Project the results of a solver back onto the input surface.
@@ -319,99 +263,63 @@ def project(
     Parameters
     ----------
     result
-        VTU, VTK, PVD, XDMF, ...: fields of nodes and elements, time steps.
+        VTU, VTK, PVD, XDMF, ...: fields of nodes and elements, at one or several times.
     mesh
         Mesh of the simulation, as cortet wrote it.
     output
-        GIfTI with an array for each field and step.
+        GIfTI with one array for each field and time.
     equidistant
-        Take depths in % as parts of the length of a column of the cortex, not of its volume.
+        Measure depths in % by the length of a column of the cortex instead of its volume.
     layer
-        Means over layer N of a mesh that was made with --layers; 1 is the outermost.
+        Project means over layer N of a mesh that was made with --layers; layer 1 is outermost.
     thickness
-        Of the cortex, for depths in % of a mesh without a white surface (default: its field thickness).
+        Thickness of the cortex, for depths in % of a mesh without a white surface (default: the field thickness).
     surface
         Surface to project onto (default: from the sidecar of the mesh).
-    parcels
-        Labels of the surface; means per label are written as TSV next to the output.
-    sphere
-        Registered sphere of the surface; needs --template-sphere.
-    template_sphere
-        Common sphere onto which the results are resampled.
 
     Examples
     --------
     cortet project result.vtu --mesh lh.vtu -o lh.func.gii
     """
     from cortet.api.meshing import tetrahedra
-    from cortet.config.stages import Resample
     from cortet.formats.gifti import hemisphere_of, require_same_hemisphere, write_fields
-    from cortet.formats.ownership import may_write
-    from cortet.formats.tsv import write_tsv
-    from cortet.geometry.interpolation import applied
-    from cortet.measure.layers import cortex_and_white
-    from cortet.solver_files.common_sphere import onto_common, read_parcels
+    from cortet.measure.layers import bounds_of, cortex_and_white
     from cortet.solver_files.laminar import Laminar
     from cortet.solver_files.results import on_surface, read_result
     from cortet.solver_files.sidecar import read_sidecar
     from cortet.solver_files.surface_map import map_of_file
-    from cortet.stages.resample import common_sphere
 
-    relative = depth is not None and depth.relative
     if layer is not None and (depth, thickness, equidistant) != (None, None, False):
         raise InputError("--layer excludes --depth, --thickness and --equidistant", remedy="leave them out")
-    if equidistant and (not relative or thickness is not None):
-        what = "--equidistant says how a depth in % is measured along the columns of the cortex"
+    if equidistant and (depth is None or not depth.relative or thickness is not None):
+        what = "--equidistant applies only to a depth in %, measured along the columns of the cortex"
         raise InputError(what, remedy="give --depth in %, without --thickness")
-    if (sphere is None) != (template_sphere is None):
-        raise InputError("one sphere is missing", remedy="give both --sphere and --template-sphere, or none")
-    table = output.with_name(f"{output.stem.removesuffix('.func')}.parcels.tsv")
-    if parcels:
-        may_write(table)
     content = tetrahedra(mesh)
     found, file, how = map_of_file(mesh, content, surface)
     print(f"{file}: {how}")
     made_from = read_sidecar(mesh).get("made_from") or {}
+    if layer is not None:
+        bounds = bounds_of(made_from.get("layers") or [1]).tolist()
+        if layer >= len(bounds):
+            what = f"has {len(bounds) - 1 if made_from.get('layers') else 'no'} layers, according to its sidecar"
+            raise InputError(what, file=mesh, remedy="mesh with --layers, or give --depth")
+        depth = Below(bounds[layer - 1], bounds[layer], relative=True)
     hemisphere = made_from.get("hemisphere") or hemisphere_of(file)
-    for one in filter(None, (file, parcels, sphere, template_sphere)):
-        require_same_hemisphere(one, hemisphere)
-    labels = read_parcels(parcels, found.native) if parcels else None
-    weights = None
-    if sphere and template_sphere:
-        weights = onto_common(found.native, sphere, common_sphere(Resample(template=str(template_sphere))))
+    require_same_hemisphere(file, hemisphere)
     inner = list(made_from.get("meshed") or {})[1:]
-    if layer is not None or (relative and thickness is None and cortex_and_white(content, inner)):
-        columns = Laminar(found, inner, equivolumetric=not equidistant)
-        there = columns.weights(depth.first, depth.last) if depth else _layer(columns, layer, made_from, mesh)
-        print("depths along the columns of the cortex")
+    if depth and depth.relative and thickness is None and cortex_and_white(content, inner):
+        there = Laminar(found, inner, equivolumetric=not equidistant).weights(depth.first, depth.last)
+        print("depths are measured along the columns of the cortex")
     else:
         there = found.weights(_millimetres(depth, found, thickness, mesh) if depth else None)
         if depth:
-            print("depths straight below the surface")
-    fields, whole, told = on_surface(read_result(result), there, file=result, mesh_file=mesh)
+            print("depths are measured along the surface normal")
+    fields, told = on_surface(read_result(result), there, file=result, mesh_file=mesh)
     for line in told:
         print(f"{result}: {line}")
-    if labels:
-        rows = [
-            {"parcel": parcel, "field": name, "value": value}
-            for name, values in fields.items()
-            for parcel, value in (labels.labels(values) if name in whole else labels.means(values)).items()
-        ]
-        write_tsv(rows, ["parcel", "field", "value"], table)
-        print(f"{table}: {len(rows)} means and labels")
-    if weights is not None:
-        fields = {name: applied(weights, values, labels=name in whole) for name, values in fields.items()}
     write_fields(fields, output, hemisphere=hemisphere)
-    count = len(found.points) if weights is None else weights.shape[0]
-    print(f"{output}: {len(fields)} fields of {count:,} vertices: {', '.join(fields)}")
+    print(f"{output}: {len(fields)} fields of {len(found.points):,} vertices: {', '.join(fields)}")
     return 0
-
-
-def _layer(columns: Laminar, layer: int | None, made_from: Mapping[str, Any], mesh: Path) -> ToSurface:
-    """What brings means over a layer to the vertices."""
-    if layer is None or not (layers := made_from.get("layers")):
-        raise InputError("has no layers, by its sidecar", file=mesh, remedy="mesh with --layers, or give --depth")
-    return columns.layer(layer, layers)
 
 
 def _millimetres(depth: Below, found: SurfaceMap, thickness: float | None, mesh: Path) -> DepthOfMap:
@@ -425,7 +333,7 @@ def _millimetres(depth: Below, found: SurfaceMap, thickness: float | None, mesh:
         across = found.on_surface(field)
     else:
         remedy = "add --thickness MM, or make the mesh with an inner surface white"
-        raise InputError("has no field thickness, which a depth in % needs", file=mesh, remedy=remedy)
+        raise InputError("has no field thickness, which a depth in % requires", file=mesh, remedy=remedy)
     return depth.first * across, depth.last * across
 
 

@@ -31,7 +31,7 @@ from cortet.formats.ownership import may_write, refuse_companion
 from cortet.geometry.limits import SCAN_AGES, SHELL_MM
 
 #: said of a mesh of a white surface without others
-WHITE_ALONE = "the surface is a white one: the mesh is what it encloses, white matter, without the cortex around it"
+WHITE_ALONE = "the surface is a white surface: the mesh holds white matter without the cortex"
 
 if TYPE_CHECKING:
     from cortet.api.meshing import Inputs, Mesh
@@ -55,7 +55,7 @@ class Line:
     shell
         Also mesh the space around the brain (region csf), out to a smooth surface at least this far away.
     ga
-        Gestational age; the setting published smooths the surface by it.
+        Gestational age; the setting published chooses its smoothing by age.
     field
         Per-vertex field (GIfTI) to transfer to the mesh; repeatable.
     sphere
@@ -148,7 +148,7 @@ def mesh(
     surface
         Closed surface, GIfTI, mm.
     output
-        Mesh file; its ending selects the format.
+        Mesh file; its extension selects the format.
     volume
         NIfTI or MGZ whose labels, values or tensors are transferred to tetrahedra; FILE:KIND selects which; repeatable.
     hole
@@ -196,12 +196,12 @@ def mesh(
     if made.tissue_rows:
         print(printed(TISSUE_COLUMNS, made.tissue_rows) + "\n")
     print_verdict(certificate)
-    print(f"{beside.certificate}: every number beside its limit")
+    print(f"{beside.certificate}: every number with its limit")
     if certificate.certified:
         for what in told:
             print(f"{output}: {what}")
         meshed = next(iter(beside.surfaces.values())).name
-        print(f"{output}: written, with the surface that was meshed: {meshed}")
+        print(f"{output}: written, with the meshed surface: {meshed}")
         if made.origin.kind == "white" and not inner:
             print(WHITE_ALONE)
     else:
@@ -223,7 +223,7 @@ def improve(
     Parameters
     ----------
     output
-        Mesh file; its ending selects the format.
+        Mesh file; its extension selects the format.
     surface
         Closed surface that the mesh fills (default: from the sidecar).
 
@@ -245,7 +245,7 @@ def improve(
         print(f"{output}: not written")
         return 1
     made.save(output, force=how.force)
-    print(f"{companions(output, made.surface.inner, volumes=False).certificate}: every number beside its limit")
+    print(f"{companions(output, made.surface.inner, volumes=False).certificate}: every number with its limit")
     print(f"{output}: written")
     return 0
 

@@ -68,7 +68,7 @@ def scan(
     exists = output.exists()
     if exists and not (update or force):
         raise InputError(
-            "exists already, and may have been edited",
+            "already exists, and you may have edited it",
             file=output,
             remedy="add --update to append new cases to it, --force to replace it, or give another name",
         )
@@ -155,7 +155,7 @@ def run(
     fold
         Also fold every case of known age; takes hours per case if cells are small.
     cores
-        Default: all.
+        Number of cores (default: all).
     profile
         Snakemake profile: slurm, or a folder.
     dry_run
@@ -211,7 +211,7 @@ def run(
             plan = with_failures(plan)
             unfinished = [name for name, state in app.states_of(plan, names).items() if state == "unfinished"]
             if alone and unfinished:
-                print(f"no mesh yet: {', '.join(unfinished)} (the level participant makes them)")
+                print(f"no mesh yet: {', '.join(unfinished)} (run the participant level to make them)")
             if not dry_run:
                 print(app.outcome(plan, output_dir, page="group" in asked, names=names))
     return int(code != 0)

@@ -67,7 +67,7 @@ class Configured:
     config
         YAML file of parameters; see `cortet config`.
     setting
-        Preset: ours, the paper's mesher with our stages, or all choices of the paper.
+        Preset: cortet's method, the paper's mesher with cortet's stages, or the paper's method.
     cell_size
         Cell size h (default: 0.6, or that of --config).
     """
@@ -120,8 +120,8 @@ class Limits:
     cell_size: Annotated[
         CellSize | None,
         Parameter(
-            help="Cell size h; the surface may be half of it from the boundary, and inner surfaces are moved away from "
-            "it first, as for meshing (default: not known, no limit)."
+            help="Cell size h, which scales the limits on distances; inner surfaces are first moved apart as for "
+            "meshing (default: not known, no limit on distances)."
         ),
     ] = None
 

@@ -1,8 +1,7 @@
-"""Commands on surfaces: `gate`, `repair`, `resample`, `layers`, `phantom`, `head`, `envelope`, `labels`."""
+"""Commands on surfaces: `gate`, `repair`, `layers`, `phantom`, `head`, `envelope`, `labels`."""
 
 from __future__ import annotations
 
-import logging
 import statistics
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -29,7 +28,6 @@ from cortet.formats.ownership import may_write
 from cortet.geometry.limits import CLOSING_MM, PHANTOM_AGES, SHELL_MM, SUBDIVISIONS, THICKNESS_MM
 
 if TYPE_CHECKING:
-    from cortet.config import Config
     from cortet.stages.gate import GateReport
 
 Handles = Annotated[int, number(0, 10_000, "N", whole=True)]
@@ -37,7 +35,7 @@ Handles = Annotated[int, number(0, 10_000, "N", whole=True)]
 
 def add_commands(app: App) -> None:
     """Add the commands on surfaces."""
-    add(app, SURFACES, gate, repair, resample, layers, envelope, labels, phantom, head)
+    add(app, SURFACES, gate, repair, layers, envelope, labels, phantom, head)
 
 
 @Parameter(name="*")
@@ -50,9 +48,9 @@ class Made:
     ga
         Gestational age.
     subdivisions
-        Of the icosahedron (default: 5).
+        Subdivisions of the icosahedron (default: 5).
     seed
-        Of the individual variation (default: 0).
+        Seed of the individual variation (default: 0).
     """
 
     ga: Annotated[float, number(*PHANTOM_AGES, "WEEKS")]
@@ -84,27 +82,10 @@ def gate(
             _surface, report = gate(read_surface(path), config.gate, source=str(path))
         except CortetError as error:
             refused += 1
-            print(f"refused   {error}{_repairable(path, config)}", flush=True)
+            print(f"refused   {error}", flush=True)
         else:
             print(f"accepted  {path}: {_findings(report)}", flush=True)
     return 1 if refused else 0
-
-
-def _repairable(path: Path, config: Config) -> str:
-    """How `cortet mesh` and `cortet repair` would repair a surface that the gate refuses, for the end of a line."""
-    from cortet.formats.gifti import read_surface
-    from cortet.stages import STAGES, arguments_of
-
-    logging.disable(logging.WARNING)  # because nothing is repaired yet
-    try:
-        surface = read_surface(path, finite=False)
-        for stage in ("repair", "gate"):
-            surface, _ = STAGES[stage].run(surface, **arguments_of(config, stage, {"source": str(path)}))
-    except CortetError:
-        return ""
-    finally:
-        logging.disable(logging.NOTSET)
-    return f"; repairable: `cortet mesh` repairs it, and so does `cortet repair {path}`"
 
 
 def repair(
@@ -159,59 +140,6 @@ def repair(
     return 0
 
 
-def resample(
-    surface: Path,
-    /,
-    *,
-    sphere: InputFile,
-    output: Annotated[SurfaceFile, O],
-    config: InputFile | None = None,
-    field: NamedFiles = (),
-    _: Writes = Writes(),
-) -> int:
-    """Resample a surface onto the common mesh through its sphere.
-
-    Parameters
-    ----------
-    surface
-        GIfTI or FreeSurfer surface.
-    sphere
-        Registered sphere of SURFACE.
-    output
-        GIfTI; the report is written next to it.
-    config
-        YAML file whose section resample names the common mesh.
-    field
-        Per-vertex field, GIfTI.
-
-    Examples
-    --------
-    cortet resample lh.surf.gii --sphere lh.sphere.surf.gii -o common.surf.gii
-    """
-    from cortet.config import load
-    from cortet.formats.gifti import read_surface, write_surface
-    from cortet.formats.placement import placed
-    from cortet.solver_files.fields import with_fields
-    from cortet.stages import STAGES, arguments_of
-
-    record = output.with_name(f"{output.stem}.resample.json")
-    may_write(record)
-    chosen = load(config or {})
-    native = placed(with_fields(read_surface(surface), dict(field)), chosen.placement())
-    facts = {"sphere_file": str(sphere), "hemisphere": None}
-    made, report = STAGES["resample"].run(native, read_surface(sphere), **arguments_of(chosen, "resample", facts))
-    with recorded(asdict(report), record) as place:
-        write_surface(made, place(output))
-    there, back = report.native_to_resampled_mm, report.resampled_to_native_mm
-    print(f"{report.vertices} vertices instead of {report.vertices_before}")
-    print(f"from the native surface {there.mean:.3f} mm on average, {there.max:.3f} mm at most; ", end="")
-    print(f"back {back.mean:.3f} mm and {back.max:.3f} mm")
-    if report.crossing_faces > report.crossing_faces_before:
-        print(f"{report.crossing_faces} triangles cross others, {report.crossing_faces_before} did before")
-    print(f"{output}: written, with {record.name}")
-    return 0
-
-
 def phantom(
     *,
     made: Made,
@@ -227,13 +155,13 @@ def phantom(
     Parameters
     ----------
     hemi
-        Default: L.
+        Hemisphere (default: L).
     pial
-        Write the synthetic cortex there, and to -o a white surface within it.
+        File for the pial surface; -o then gets a white surface inside it.
     sphere
-        Also write the sphere that it was made of.
+        Also write the sphere of the phantom.
     thickness
-        Of the cortex between the two (default: 1.5).
+        Thickness of the cortex between the two surfaces (default: 1.5).
 
     Examples
     --------
@@ -347,9 +275,9 @@ def labels(
     labels
         NIfTI or MGZ, and labels: dseg.nii.gz:3,4.
     output
-        Of several components, NAME1.surf.gii and so on, the largest first.
+        GIfTI; several components become NAME1.surf.gii and so on, the largest first.
     handles
-        So many may stay; where there are more, they are cut or closed on the voxels (default: 0).
+        Number of handles to keep; cortet cuts or closes the others on the voxels (default: 0).
 
     Examples
     --------
@@ -386,7 +314,7 @@ def layers(
 ) -> int:
     """Make the surfaces between layers of the cortex, along its columns.
 
-    The cortex is meshed for it. Each surface has the vertices and triangles of WHITE.
+    This meshes the cortex. Each surface has the vertex numbering and the triangles of WHITE.
 
     Parameters
     ----------
@@ -397,11 +325,11 @@ def layers(
     layers
         Number of layers, or the share of each of the volume of the cortex, pial first, 1,1,2.
     output
-        GIfTI; a surface less than there are layers, NAME1.surf.gii and so on, the outermost first.
+        GIfTI files NAME1.surf.gii, NAME2.surf.gii, ..., outermost first: one fewer than there are layers.
     equidistant
         Divide the length of each column, not its volume.
     cell_size
-        Cell size of the mesh; with smaller cells depths are more exact (default: half the median thickness).
+        Cell size of the mesh; smaller cells give more exact depths (default: half the median thickness).
 
     Examples
     --------
@@ -411,29 +339,35 @@ def layers(
     from cortet.formats.gifti import read_surface, write_surface
     from cortet.geometry.closest_point import closest_points, tree_of
     from cortet.geometry.intersection import self_intersections
+    from cortet.geometry.topology import enclosed_volume
     from cortet.measure.layers import bounds_of
 
-    depths = bounds_of(layers).tolist()
+    depths = bounds_of(layers).tolist()[1:-1]
     if not depths:
-        raise InputError("a single layer has no surface within", remedy="give --layers 2 or more")
-    name = output.name.partition(".")[0]
-    files = [output.with_name(output.name.replace(name, f"{name}{number}", 1)) for number in range(1, len(depths) + 1)]
-    for file in (output, *files):
+        raise InputError("a single layer has no inner surface", remedy="give --layers 2 or more")
+    name, _, suffixes = output.name.partition(".")
+    files = [output.with_name(f"{name}{number}.{suffixes}") for number in range(1, len(layers) + 1)]
+    for file in (output, *files[:-1]):
         may_write(file)
+    inside, outside = read_surface(white), read_surface(pial)
+    volumes = [abs(enclosed_volume(one.points, one.faces)) for one in (inside, outside)]
+    if volumes[0] >= volumes[1]:
+        what = f"does not lie inside {pial.name}, which encloses {volumes[1] / 1000:.1f} mL"
+        raise InputError(what, file=white, remedy="give the white surface first, then the pial surface")
     if cell_size is None:
-        across = closest_points(tree_of(read_surface(pial)), read_surface(white).points).distances
+        across = closest_points(tree_of(outside), inside.points).distances
         cell_size = round(statistics.median(across.tolist()) / 2, 2)
-        if not cell_size:
-            raise InputError(f"is the same surface as {pial.name}", file=white, remedy="give white and pial surface")
         print(f"cells of {cell_size:g} mm, half the median distance between the surfaces")
     # columns need no certified mesh, and the stages that make it certified take most of the time
     as_given = {stage: {"enabled": False} for stage in ("smooth_surface", "clean", "reconnect")}
     made = mesh(pial, inner={"white": white}, cell_size=cell_size, settings=as_given)
     surfaces = made.laminar_surfaces(depths, equivolumetric=not equidistant)
-    for depth, surface, file in zip(depths, surfaces, files, strict=True):
+    for depth, surface, file in zip(depths, surfaces, files, strict=False):
         write_surface(surface, file, like=white)
         crossing = len(self_intersections(surface))
-        print(f"{file}: depth {depth:.3f}" + (f", {crossing} triangles cross others" if crossing else ""))
+        print(f"{file}: depth {depth:.3f}" + (f", {crossing} triangles intersect others" if crossing else ""))
+    if files[-1].exists():
+        print(f"{files[-1]}: left from an earlier run with more layers")
     return 0
 
 
@@ -444,7 +378,7 @@ def _findings(report: GateReport) -> str:
         (report.faces_reoriented, "faces turned outward"),
         (
             report.crossing_faces_repaired,
-            f"crossing faces pulled apart, moving {report.repair_moved_vertices} vertices by up to "
+            f"intersecting faces separated by moving {report.repair_moved_vertices} vertices by up to "
             f"{report.repair_max_displacement_mm:.3f} mm",
         ),
     )

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter, Token
 
 from cortet.errors import UsageError
-from cortet.formats import FORMATS, INSTEAD
+from cortet.formats import FORMATS
 from cortet.geometry.limits import CELL_SIZE_MM, MOST_LAYERS, NAME
 
 
@@ -148,8 +148,8 @@ def _formats(_: object, tokens: Sequence[Token]) -> list[str]:
     known = {form.suffix[1:]: name for name, form in FORMATS.items()} | {name: name for name in FORMATS}
     words = [word.strip().removeprefix(".") for token in tokens for word in token.value.split(",")]
     if (unknown := next((word for word in words if word not in known), None)) is not None:
-        there = INSTEAD.get(unknown) or "one of " + ", ".join(form.suffix[1:] for form in FORMATS.values())
-        raise ValueError(f"{unknown!r} is no format; use {there}")
+        known_endings = ", ".join(form.suffix[1:] for form in FORMATS.values())
+        raise ValueError(f"{unknown!r} is not a format; use one of {known_endings}")
     return list(dict.fromkeys(known[word] for word in words))
 
 
@@ -174,11 +174,10 @@ Depth = Annotated[
         n_tokens=1,
         accepts_keys=False,
         metavar="MM",
-        help="Values this far below the surface, or means over a range, 1:3; with % parts of the cortex, 50% or "
-        "0:100%, along its columns if the mesh has a white surface (default: on the surface).",
+        help="Values at this depth below the surface, or means over a range, 1:3; in % of the cortex, 50% or "
+        "0:100%, along columns if the mesh has a white surface (default: at the surface).",
     ),
 ]
-TableFile = Annotated[OutputFile, _written("TSV", ".tsv")]
 Layering = Annotated[list[float], Parameter(converter=_layers, n_tokens=1, accepts_keys=False, metavar="N")]
 Picture = Annotated[OutputFile, _written("PNG", ".png", ".PNG")]
 MeshFile = Annotated[Path, Parameter(name="MESH")]

@@ -65,14 +65,17 @@ class _Table:
         if not texts:
             return None, self._from_birth if self.column is None and _FROM_BIRTH in self.rows else ""
         if self.unit.lower() not in _WEEKS:
-            return None, f"not read: column {self.column} of {self.name}, in {self.unit} (give weeks or days)"
+            return (
+                None,
+                f"ages not read: column {self.column} of {self.name} is in {self.unit} (convert it to weeks or days)",
+            )
         values = {(number(text) or math.nan) * _WEEKS[self.unit.lower()] for text in texts}
         low, high = SCAN_AGES
         if len(values) == 1 and low <= (weeks := round(values.pop(), 2)) <= high:
             return weeks, f"ages are from {self._heading}"
         return None, (
-            f"not read: {' and '.join(texts)} in {self._heading}: no age from {low:g} to {high:g} gestational weeks "
-            "(give one number, and its unit in the sidecar, as Units: weeks or days)"
+            f"age not read: {' and '.join(texts)} in {self._heading} is not a gestational age from {low:g} to "
+            f"{high:g} weeks (give one number, and its unit in the sidecar, as Units: weeks or days)"
         )
 
     @property
@@ -84,7 +87,7 @@ class _Table:
     @property
     def _from_birth(self) -> str:
         return (
-            f"not read: column {_FROM_BIRTH} of {self.name}, which counts from birth in BIDS (if its ages are "
+            f"ages not read: column {_FROM_BIRTH} of {self.name} counts from birth in BIDS (if its ages are "
             "gestational, name the column in cohort.scan.age_columns)"
         )
 
@@ -178,7 +181,7 @@ def _unit(column: str, name: str, path: Path) -> str:
             try:
                 said = json.loads(content(file).decode("utf-8-sig"))
             except (ValueError, RecursionError) as error:
-                raise InputError(f"is not JSON: {error}", file=file, remedy="mend it, or delete it") from None
+                raise InputError(f"is not JSON: {error}", file=file, remedy="correct it, or delete it") from None
             if not isinstance(said, dict):
                 raise InputError("holds no keys", file=file, remedy="give one key per column of the table")
             entry = next((entry for key, entry in said.items() if key.lower() == column.lower()), None)

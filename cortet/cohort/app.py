@@ -90,7 +90,7 @@ class Selection:
                 raise InputError(
                     f"no surfaces of {what} {', '.join(unknown)}",
                     file=dataset,
-                    remedy=f"there are those of {', '.join(there) or 'none'}",
+                    remedy=f"the dataset has {', '.join(there) or 'none'}",
                 )
         found = [case for case in cases if all(not of or getattr(case, what) in of for what, of in asked.items())]
         if not found:
@@ -260,7 +260,7 @@ def require_plain_python(python: str = sys.executable) -> None:
         raise InputError(
             f"Snakemake cannot run jobs with a Python whose path has {odd[0]!r}",
             file=python,
-            remedy="make the environment in a folder without blanks, quotes and parentheses in its path",
+            remedy="create the environment in a folder whose path has no blanks, quotes or parentheses",
         )
 
 
@@ -276,7 +276,7 @@ def outcome(plan: Plan, output: Path, *, page: bool, names: Collection[str] | No
     """
     states = states_of(plan, names)
     if not states:
-        return "no case: the sheet includes none"
+        return "the sheet includes no case"
     counts = Counter(states.values())
     words = ", ".join(f"{counts[state]} {word}" for state, word in _IN_WORDS.items() if counts[state])
     files = " ".join(f"*Solver_{end}" for end, form in EXPORTED.items() if form in plan.config.export.formats)

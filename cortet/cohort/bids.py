@@ -46,7 +46,7 @@ ABOUT = ("origin", "input_sha256", "Sources", "SpatialReference")
 #: `desc` of surfaces that are not the result of a stage
 _SURFACES = {
     "phantom": "Synthetic cortex of the age of the case, or its sphere",
-    "fields": "Surface as the gate lets it in, with the per-vertex fields of the case",
+    "fields": "Surface after the gate, with the per-vertex fields of the case",
 }
 
 _README = """\
@@ -55,14 +55,14 @@ _README = """\
 | | |
 |---|---|
 | `cohort/index.html` | all cases on one page, failures first; begin here (made by the group level, or by `snakemake`) |
-| `cohort/*.tsv` | tables over all cases; the `.json` beside each explains its columns |
+| `cohort/*.tsv` | tables over all cases; the `.json` next to each explains its columns |
 | `sub-*/**/mesh/*Solver_sets.vtu` | the mesh of each case, with its regions and named sets, for ParaView and PyVista |
 | `sub-*/**/mesh/*Solver_tetmesh.*` | the same mesh for the other solvers that were requested |
-| `sub-*/**/mesh/*Solver_certificate.json` | the verdict on each, with every number beside its limit |
+| `sub-*/**/mesh/*Solver_certificate.json` | the verdict on each mesh, and every number with its limit |
 | `sub-*/**/mesh/*Solver_report.html` | the page of one mesh: pictures, its numbers, the boundary in 3D |
-| `sub-*/**/anat/` | surfaces after each stage on them |
-| `sub-*/**/simulation/` | folds, if they were asked for |
-| `logs/`, `benchmarks/` | what each job said, and what it took |
+| `sub-*/**/anat/` | surfaces after each stage |
+| `sub-*/**/simulation/` | folds, if requested |
+| `logs/`, `benchmarks/` | logs of all jobs, and their time and memory |
 | `descriptions.tsv` | what each `desc-...` of a file name means |
 
 Lengths are in mm. Other files under `mesh` are intermediate: a later run continues from them.
@@ -152,9 +152,9 @@ def require_own_output(output: Path, dataset: Path | None) -> None:
     """
     remedy = "name an empty or a new folder, e.g. DATASET/derivatives/cortet"
     if {"{", "}"} & set(str(output.absolute())):
-        raise InputError("has braces in its name, which are wildcards to Snakemake", file=output, remedy=remedy)
+        raise InputError("has braces in its name, which Snakemake reads as wildcards", file=output, remedy=remedy)
     if dataset is not None and dataset.resolve().is_relative_to(output.resolve()):
-        what = "is or contains the dataset that cortet reads, so it does not write there"
+        what = "is or contains the dataset that cortet reads; cortet never writes there"
         raise InputError(what, file=output, remedy=remedy)
     if not output.is_dir():
         return

@@ -29,9 +29,9 @@ ORDER = (
     *AFTER_CERTIFICATE,
 )
 #: why a mesh is unfinished although its case has one
-_OTHER_SIZE = "its mesh has another cell size or mesher, and no run made the one that is asked for now"
-_OTHER = "its mesh was made with other settings, or of another surface, than the present ones"
-_DAMAGED = "its certificate is damaged, or of another version of cortet"
+_OTHER_SIZE = "its mesh has a different cell size or mesher than requested"
+_OTHER = "its mesh was made with other settings or from another surface"
+_DAMAGED = "its certificate is damaged or from another version of cortet"
 
 
 @dataclass(frozen=True)
@@ -99,9 +99,9 @@ def _state(plan: Plan, mesh: Mesh, certificate: Path, of_case: Sequence[Failure]
         if one.is_about(res=job["res"], mesher=job["mesher"], setting="") and _counts(plan, job, certificate, one):
             words = {"reason": one.reason, "problem": one.problem, "remedy": one.remedy}
             return {"stage": one.rule, "state": "failed", **words, "log": str(one.log)}
-    reason = "the run ended before"
+    reason = "the run ended before this case was done"
     if stage := first_other_stage(plan, mesh):
-        again = f"`snakemake --forcerun {_rule_of(stage)}` makes it again"
+        again = f"`snakemake --forcerun {_rule_of(stage)}` remakes it"
         if certificate.exists():
             reason = f"{_OTHER if certificate_of(certificate) else _DAMAGED}; {again}"
         elif certificates_of(plan, plan.case(job)):
@@ -162,4 +162,4 @@ def why_missing(plan: Plan, path: str, rule: str, job: Mapping[str, object]) -> 
         before = ORDER.index(cause.rule) < ORDER.index(rule) and cause.rule not in AFTER_CERTIFICATE
         if cause.is_about(**job) and (before or not exists):
             return f"{cause.rule}: {cause.problem or cause.reason}"
-    return None if exists else "the run ended before"
+    return None if exists else "the run ended before this case was done"

@@ -39,7 +39,7 @@ def hold(folder: Path) -> IO[str]:
         file.flush()
     except OSError as error:
         what = f"cannot be written to: {error.strerror}"
-        raise InputError(what, file=folder, remedy="mend its permissions or space, or set output") from error
+        raise InputError(what, file=folder, remedy="correct its permissions, free some space, or set output") from error
     return file
 
 
@@ -74,7 +74,7 @@ def _lock(file: IO[str], folder: Path, kind: int) -> None:
         fcntl.lockf(file, kind | fcntl.LOCK_NB)
     except OSError as error:
         if error.errno in _WITHOUT_LOCKS:
-            logger.warning("%s: its file system has no locks; make sure that only one run writes there", folder)
+            logger.warning("%s: the file system has no locks; make sure that only one run writes there", folder)
             return
         if error.errno not in (errno.EACCES, errno.EAGAIN):
             raise
@@ -82,5 +82,5 @@ def _lock(file: IO[str], folder: Path, kind: int) -> None:
         owner = file.read() or "another process"
         file.close()
         raise InputError(
-            f"another run is writing to it: {owner}", file=folder, remedy="wait until it ends, or set output"
+            f"another run is writing to this folder: {owner}", file=folder, remedy="wait for it to end, or set output"
         ) from None

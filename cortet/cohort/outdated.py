@@ -42,7 +42,7 @@ def set_aside(plan: Plan, *, dropped: bool = False) -> list[str]:
 
     def move(case: Case, why: str, entries: Iterable[Path]) -> None:
         if moved := _move(Path(plan.layout.output) / case.folder, entries):
-            told.append(f"{case.name}: {why}, and its earlier results were moved to {moved}")
+            told.append(f"{case.name}: {why}, so cortet moved its earlier results to {moved}")
 
     for case in plan.cases.values():
         job = {"folder": case.folder, "case": case.name, "res": "any"}
@@ -55,13 +55,13 @@ def set_aside(plan: Plan, *, dropped: bool = False) -> list[str]:
             entries = _with_companions(plan.exports(mesh)) if failure["stage"] == "volumes" else entries
             move(case, f"{failure['stage']} failed", entries)
         others = [path for path in plan.other_exports(mesh) if _is_older(path, certificate)]
-        move(case, "it has another mesh now", _with_companions(others))
+        move(case, "it now has another mesh", _with_companions(others))
     excluded = {case.name for case in plan.sheet if not case.include}
     for name, folder in _without_row(plan):
         if dropped or name in excluded:
             left = (path for begin in ("res-", "desc-") for path in folder.glob(f"*/{name}_{begin}*"))
             moved = _move(folder, (path for path in left if path.parent.name != "anat"))
-            told.append(f"{name}: the sheet does not include it, and its results were moved to {moved}")
+            told.append(f"{name}: the sheet does not include it, so cortet moved its results to {moved}")
     return told
 
 

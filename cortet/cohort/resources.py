@@ -1,4 +1,4 @@
-"""Memory, time and disk of a job from the number of tetrahedra, which follows from the volume of the surface.
+"""Memory and time of a job from the number of tetrahedra, which follows from the volume of the surface.
 
 Each cost is a straight line that lies above all measurements: for the default line on 31 real surfaces at 0.6 mm (260
 thousand to 5.4 million tetrahedra), for the others on 13 at cell sizes of 1, 0.8 and 0.6 mm (80 thousand to 1.5
@@ -72,10 +72,6 @@ LATTICE = Cost((250, 520), (8, 20))
 #: largest volume of one human hemisphere at any age, mL
 LARGEST_HEMISPHERE_ML = 700.0
 
-#: bytes per tetrahedron of the files of one mesh: of the last stage, exported with its sets (BrainGrowth's takes 37),
-#: and for the browser; and the meshes that only later stages read
-FINAL_BYTES, INTERMEDIATE_BYTES = 9.0 + 10.0 + 1.5, 4 * 9.0
-
 
 def expected_volume_ml(gestational_age: float | None, *, whole: bool = False) -> float:
     """Largest volume of a hemisphere (or of both, `whole`) at an age, weeks; used until its surface is read.
@@ -111,8 +107,3 @@ def memory_to_ask_mb(measured: float, attempt: int = 1) -> int:
 def minutes_to_ask(cpu_seconds: float) -> int:
     """Time limit of a job, minutes."""
     return round(START_MINUTES + TIME_MARGIN * cpu_seconds / 60)
-
-
-def disk_mb(tets: float, *, keep_intermediates: bool = True) -> float:
-    """Disk that the files of one mesh take, MB, with a VTU file as the only export."""
-    return (FINAL_BYTES + (INTERMEDIATE_BYTES if keep_intermediates else 0)) * tets / 1e6

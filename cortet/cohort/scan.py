@@ -86,17 +86,17 @@ def _surfaces(directory: Path, patterns: Scan, say: Callable[[str], object]) -> 
         beside += [path for other, path in others if other != number]
         if alike:
             words = f"{len(alike) + 1} surfaces of one hemisphere: {named(first, *alike)}"
-            say(f"{words}; the first is taken (see cohort.scan.surfaces)")
+            say(f"{words}; cortet uses the first (see cohort.scan.surfaces)")
     if beside:
-        say(f"surfaces of hemispheres that have another, not taken: {named(*beside)} (see cohort.scan.surfaces)")
+        say(f"not used, because the hemisphere has another surface: {named(*beside)} (see cohort.scan.surfaces)")
     if placed := [path for path in taken.values() if _template_of(path)]:
-        words = f"surfaces in the space of a template, {_template_of(placed[0])}: {named(*placed)}"
-        say(f"{words}; their size and location are not those of the subject")
+        words = f"surfaces in template space ({_template_of(placed[0])}): {named(*placed)}"
+        say(f"{words}; they do not have the subject's size and position")
     names = dict.fromkeys(_WHITE.sub("pial", pattern) for pattern in patterns.surfaces)
     pials = _candidates(directory, [name for name in names if name not in patterns.surfaces], lambda _: None)
     left = sorted(min(places)[1] for key, places in pials.items() if key not in taken)
     if taken and left:
-        say(f"hemispheres with a pial surface and no white one, left out: {named(*left)}")
+        say(f"hemispheres left out because they have a pial surface but no white surface: {named(*left)}")
     if not taken:
         raise _none_found(directory, patterns, left)
     return taken
@@ -129,10 +129,10 @@ def _none_found(directory: Path, patterns: Scan, pials: Sequence[Path]) -> Input
     what = "no surfaces found"
     first, *others = patterns.surfaces or ["nothing"]
     more = f", and {len(others)} patterns more" if others else ""
-    remedy = f"check the folder, or set cohort.scan.surfaces; looked for {first}{more}"
+    remedy = f"check the folder, or set cohort.scan.surfaces; cortet looked for {first}{more}"
     if pials:
-        what = f"no surfaces found, but {len(pials)} pial ones, as {pials[0]}"
-        remedy = "get the white ones, or name the pial ones in cohort.scan.surfaces: white matter is then no region"
+        what = f"no white surfaces found, only {len(pials)} pial surfaces, for example {pials[0]}"
+        remedy = "add white surfaces; or name pial surfaces in cohort.scan.surfaces, to mesh without white matter"
     return InputError(what, file=directory, remedy=remedy)
 
 
@@ -142,16 +142,16 @@ def _say_which(cases: Sequence[Case], say: Callable[[str], object], *, pial: boo
     beside = [case for case in white if is_there(_pial_of(Path(case.surface)))]
     both = len(cases) - len(white) if pial else 0
     if both:
-        say(f"pial surfaces with the white ones inside: {both}; the cortex is a layer of its own")
+        say(f"pial surfaces with the white surface inside: {both}; the cortex is a region of its own")
     if white:
-        words = f"white surfaces alone: {len(white)}; what they enclose is white matter, without the cortex"
+        words = f"white surfaces alone: {len(white)}; their meshes hold white matter without the cortex"
         if beside:
-            words += f"; pial surfaces beside them: {len(beside)} (--pial takes both)"
+            words += f"; {len(beside)} of them have a pial surface (--pial uses both)"
         elif pial:
-            words += f"; no pial surface lies beside {', '.join(case.name for case in white)}"
+            words += f"; there is no pial surface for {', '.join(case.name for case in white)}"
         say(words)
     if registered := sum(case.sphere is not None for case in cases):
-        words = f"registered spheres: {registered}; through them the surfaces are resampled onto the common mesh"
+        words = f"registered spheres: {registered}; cortet uses them to resample the surfaces onto the common mesh"
         say(f"{words} (resample.enabled: false keeps their vertices)")
     for case in cases:
         for path in (case.surface, *case.inner.values()):
@@ -166,10 +166,10 @@ def _label(name: str, folders: dict[str, str], directory: Path, say: Callable[[s
         if other.lower() == name.lower():
             remedy = "rename one: some file systems ignore case"
             raise InputError(f"{other} and {name} differ only in upper and lower case", file=directory, remedy=remedy)
-        remedy = "rename one: labels of BIDS have letters and digits alone"
+        remedy = "rename one: BIDS labels contain only letters and digits"
         raise InputError(f"{other} and {name} would both be sub-{label}", file=directory, remedy=remedy)
     if label != name:
-        say(f"{name} is called sub-{label}")
+        say(f"{name} becomes sub-{label}")
     return label
 
 
@@ -217,8 +217,8 @@ def _matches(directory: Path, pattern: str) -> Iterator[tuple[Path, dict[str, st
     """Files below `directory` that fit a pattern, with the values of its placeholders."""
     if "{participant}" not in pattern or not pattern.strip() or Path(pattern).is_absolute() or "\0" in pattern:
         raise InputError(
-            f"cohort.scan.surfaces: {pattern!r} finds nothing",
-            remedy="give a pattern below the folder with the placeholder {participant}",
+            f"cohort.scan.surfaces: {pattern!r} matches nothing",
+            remedy="give a pattern relative to the folder, with the placeholder {participant}",
         )
     parts = re.split(r"\{(participant|session|hemi|entities)\}", pattern)
     expression, seen = "", set[str]()

@@ -30,7 +30,7 @@ def chosen(cases: Sequence[Case], which: Cases) -> list[Case]:
     known = {case.name: case for case in cases}
     if unknown := [name for name in which if name not in known]:
         raise InputError(
-            f"no included case is named {', '.join(unknown)}", remedy=f"the sheet has {', '.join(known) or 'none'}"
+            f"the sheet includes no case {', '.join(unknown)}", remedy=f"it includes {', '.join(known) or 'none'}"
         )
     return [known[name] for name in which]
 
@@ -47,8 +47,8 @@ def folded(cases: Sequence[Case], which: Cases | None) -> list[Case]:
     asked = chosen(cases, which)
     if ageless := [case.name for case in asked if case.scan_age is None]:
         raise InputError(
-            f"{', '.join(ageless)}: selected for folding, but without an age at which to start",
-            remedy="give the age in column scan_age of the cohort sheet, gestational weeks, or do not fold the case",
+            f"{', '.join(ageless)}: selected for folding, but the starting age is unknown",
+            remedy="give scan_age in gestational weeks in the cohort sheet, or do not fold the case",
         )
     return asked
 
@@ -58,7 +58,7 @@ def _says_yes(case: Case, column: str) -> bool:
     if column not in case.extra:
         raise InputError(
             f"the sheet has no yes/no column {column}",
-            remedy=f"add it; further columns are {', '.join(case.extra) or 'none'}",
+            remedy=f"add it, or name one of the further columns: {', '.join(case.extra) or 'none'}",
         )
     value = case.extra[column]
     if value in MISSING:
@@ -81,7 +81,7 @@ def ageless_notice(cases: Sequence[Case], *, smoothed: bool, folded: bool) -> li
     names = [case.name for case in cases if case.scan_age is None]
     shown = ", ".join([*names[:_MOST_NAMES], *(["..."] if len(names) > _MOST_NAMES else [])])
     told = (
-        f"{len(names)} without a gestational age, so not {lacks}: {shown} (adults have none; "
-        "else give weeks as scan_age in participants.tsv or the sheet)"
+        f"{len(names)} not {lacks} because the gestational age is unknown: {shown} (adults need none; "
+        "for others give scan_age in weeks in participants.tsv or the sheet)"
     )
     return [told] if names and lacks else []

@@ -161,7 +161,7 @@ def _check_header(header: Sequence[str], path: Path) -> None:
         raise InputError("line 1: two columns have the same name", file=path, remedy=remedy)
     if {INNER, INNER_PREFIX + WHITE} <= {*header}:
         what = f"line 1: columns {INNER} and {INNER_PREFIX}{WHITE} name the same region"
-        raise InputError(what, file=path, remedy="keep one of the two")
+        raise InputError(what, file=path, remedy="keep only one of them")
 
 
 def write_sheet(cases: Sequence[Case], path: Path) -> None:
@@ -224,14 +224,14 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
     if row["include"].lower() not in YES | NO:
         yield f"column include: {row['include']!r} is neither yes nor no (use yes or no)"
     if row["include"].lower() in NO and row["exclude_reason"] in MISSING:
-        yield f"column exclude_reason: {row['exclude_reason']!r} does not say why the row is excluded (give a reason)"
+        yield f"column exclude_reason: {row['exclude_reason']!r} is not a reason for the exclusion (give one)"
     if row["surface"] in MISSING:
-        yield f"column surface: {row['surface']!r} names no file (give a GIfTI surface, or {PHANTOM})"
+        yield f"column surface: {row['surface']!r} is not a file (give a GIfTI surface, or {PHANTOM})"
     youngest, oldest = SCAN_AGES
     if row["scan_age"] not in MISSING and not youngest <= (number(row["scan_age"]) or math.nan) <= oldest:
         yield (
             f"column scan_age: {row['scan_age']!r} is not an age in gestational weeks "
-            f"(use a number from {youngest:g} to {oldest:g}, or n/a where the age is not known: "
+            f"(use a number from {youngest:g} to {oldest:g}, or n/a if the age is unknown; "
             "the surface is then not smoothed by age)"
         )
     for column, value in row.items():
@@ -244,7 +244,7 @@ def _name_problems(column: str, name: str, what: str, pattern: str = NAME) -> It
     if not re.fullmatch(pattern, name):
         yield f"column {column}: {name!r} is not a {what} (use letters and digits only)"
     if len(name) > LONGEST_LABEL:
-        yield f"column {column}: {len(name)} characters are too many (use at most {LONGEST_LABEL})"
+        yield f"column {column}: {len(name)} characters are too long (use at most {LONGEST_LABEL})"
 
 
 def _value_problems(column: str, value: str) -> Iterator[str]:
@@ -255,7 +255,7 @@ def _value_problems(column: str, value: str) -> Iterator[str]:
     if column.startswith(VOLUME_PREFIX):
         yield from _name_problems(column, column.removeprefix(VOLUME_PREFIX), "name of a volume")
     if region in _STANDING and value not in MISSING:
-        yield f"column {column}: {region!r} stands for another part of every mesh (use another name)"
+        yield f"column {column}: {region!r} is a reserved name in every mesh (use another name)"
     if column == UNIT and value not in (*UNITS, *MISSING):
         yield f"column {column}: {value!r} is not a unit (use {', '.join(UNITS)})"
     if column == CELL_SIZE and value not in MISSING and not _is_cell_size(number(value)):

@@ -23,17 +23,17 @@ COLUMNS = (
     Column("stage", "Last stage reached: the one that failed, or `certify`"),
     Column(
         "state",
-        "What became of the case",
+        "State of the case",
         levels={
             "certified": "every number of its certificate is within its limit",
-            "uncertified": "meshed, but not certified; exported only if the configuration says so",
-            "failed": "a stage refused its input, or broke down",
+            "uncertified": "meshed, but not certified; exported only if the configuration allows it",
+            "failed": "a stage refused its input, or failed",
             "unfinished": "the run ended before the case was done",
             "excluded": "the sheet excludes it",
         },
         heading="State",
     ),
-    Column("reason", "Why the state is not `certified`; of a certified case, what should be known all the same"),
+    Column("reason", "Why the case is not certified; for a certified case, remarks"),
     Column("log", "Log of the job that failed"),
 )
 
@@ -70,7 +70,7 @@ def failure_reason(log: Path) -> str:
         return error
     if stopped := _place_of_stop(lines):
         return f"stopped from outside, at its time limit or by hand, {stopped}"
-    return "ended without a message: killed, or out of memory or time"
+    return "ended without a message: killed, or ran out of memory or time"
 
 
 def _lines(log: Path) -> list[str]:

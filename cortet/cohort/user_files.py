@@ -19,7 +19,7 @@ def missing_surface(source: object, *, column: str) -> InputError:
     """The error for a surface of the sheet that is missing."""
     if content_is_elsewhere(str(source)):
         return InputError(ELSEWHERE, file=source, remedy=f"datalad get {source}")
-    return InputError("no such file", file=source, remedy=f"mend the column {column} of the cohort sheet")
+    return InputError("no such file", file=source, remedy=f"correct the column {column} of the cohort sheet")
 
 
 def require_hemisphere(path: str | Path, hemi: str | None) -> None:
@@ -31,7 +31,7 @@ def require_hemisphere(path: str | Path, hemi: str | None) -> None:
         raise InputError(
             f"is of hemisphere {named}, as its AnatomicalStructurePrimary says, but its row says {hemi}",
             file=path,
-            remedy="mend the column hemi of the cohort sheet, or name the file of the other hemisphere",
+            remedy="correct the column hemi of the cohort sheet, or name the file of the other hemisphere",
         )
 
 
@@ -53,7 +53,7 @@ def require_unchanged(paths: Mapping[str, str | Path], planned: Mapping[str, str
     """
     for name, path in paths.items():
         if planned.get(name) != _hash(Path(path)):
-            raise StageError("has changed since this run was planned", file=path, remedy="start the run again")
+            raise StageError("has changed since this run was planned", file=path, remedy="restart the run")
 
 
 def require_same_input(file: str | Path, report: Mapping[str, Any], wanted: Mapping[str, str | None]) -> None:
@@ -68,9 +68,9 @@ def require_same_input(file: str | Path, report: Mapping[str, Any], wanted: Mapp
     found = report.get("input_sha256")
     if found is None or not found.items() <= wanted.items():
         raise StageError(
-            "is about another version of the input than the present one",
+            "describes an earlier version of the input",
             file=file,
-            remedy="start the run again",
+            remedy="restart the run",
         )
 
 

@@ -52,7 +52,7 @@ def read(path: Path) -> dict[str, Any]:
     try:
         data = yaml.load(content(path).decode("utf-8"), Loader=_UniqueKeys)
     except _Twice as error:
-        raise InputError(str(error), file=path, remedy="keep one of the two, with the keys of both") from None
+        raise InputError(str(error), file=path, remedy="merge the two into one") from None
     except (ValueError, TypeError, AttributeError, RecursionError, yaml.YAMLError) as error:  # PyYAML also raises these
         raise InputError(f"cannot be read: {error}", file=path, remedy=remedy) from None
     if not isinstance(data, dict):
@@ -89,7 +89,7 @@ class _UniqueKeys(yaml.SafeLoader):  # type: ignore[misc]
             if isinstance(key, yaml.ScalarNode) and key.tag != "tag:yaml.org,2002:merge":
                 line = key.start_mark.line + 1
                 if lines.setdefault(key.value, line) != line:
-                    raise _Twice(f"key {key.value} stands in line {lines[key.value]} and in line {line}")
+                    raise _Twice(f"key {key.value} appears twice, in line {lines[key.value]} and in line {line}")
         return super().construct_mapping(node, deep)
 
 

@@ -101,7 +101,7 @@ class Config(Section):
         """Raise InputError for settings that a single mesh may have but a cohort may not."""
         if volumes := [name for name in self.generate.sizes if is_volume(name)]:
             raise InputError(
-                f"generate.sizes: {volumes[0]} is a volume, and all cases would have the same",
+                f"generate.sizes names the volume {volumes[0]}, which would apply to every case",
                 remedy="name regions, or mesh each case with `cortet mesh`",
             )
         if self.export.holes and self.export.ten_nodes:

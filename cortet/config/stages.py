@@ -46,8 +46,8 @@ class Resample(Section):
             return self.template
         if hemisphere is None:
             raise InputError(
-                f"resample.template = {self.template!r}, but it is not known which hemisphere this is",
-                remedy="give L or R in the column hemi of the cohort sheet, or the name without {hemi}",
+                f"resample.template = {self.template!r} needs the hemisphere, which is unknown",
+                remedy="set the column hemi of the cohort sheet to L or R, or give a name without {hemi}",
             )
         return self.template.replace("{hemi}", hemisphere)
 

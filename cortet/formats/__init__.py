@@ -75,9 +75,6 @@ FORMATS: dict[str, Format] = {
     )
 }
 
-#: what was a format, by the end of a name without its dot and by name -> the format in its place
-INSTEAD = {"vtk": "vtu", "bpts": "pts", "gmsh_v2": "gmsh", "carp_binary": "carp"}
-
 
 def format_of(path: Path) -> Format:
     """The format in which a file is written, by the end of its name; InputError if that is of no format."""
@@ -85,9 +82,8 @@ def format_of(path: Path) -> Format:
         if path.name.endswith(form.suffix):
             return form
     endings = ", ".join(form.suffix for form in FORMATS.values())
-    instead = INSTEAD.get(path.suffix.removeprefix("."))
-    remedy = f"write .{instead}" if instead else f"use a name ending in {endings}"
-    raise InputError("has a file extension that cortet does not write", file=path, remedy=remedy)
+    what, remedy = "has a file extension that cortet does not write", f"use a name ending in {endings}"
+    raise InputError(what, file=path, remedy=remedy)
 
 
 def read_mesh(path: Path, *, unit: str = "um") -> TetMesh:
@@ -116,6 +112,6 @@ def require_holes(holes: Collection[str], solver: str) -> None:
     if holes and not FORMATS[solver].names_faces:
         able = ", ".join(form.suffix for form in FORMATS.values() if form.names_faces)
         raise InputError(
-            f"{FORMATS[solver].suffix} files cannot tell the hole {next(iter(holes))} from a void",
-            remedy=f"write a file that ends in {able}, or leave the hole out",
+            f"{FORMATS[solver].suffix} files cannot distinguish the hole {next(iter(holes))} from a void",
+            remedy=f"write a file that ends in {able}, or do not leave out the hole",
         )

@@ -92,7 +92,7 @@ def _full_disk_named(path: Path) -> Iterator[None]:
         free = shutil.disk_usage(path.parent).free / 1e6
         remedy = "free some space, or give a folder on another disk"
         raise InputError(
-            f"cannot be written, as its disk has only {free:.1f} MB left", file=path, remedy=remedy
+            f"cannot be written: its disk has only {free:.1f} MB left", file=path, remedy=remedy
         ) from error
 
 
@@ -100,11 +100,11 @@ def _make_folder(folder: Path) -> None:
     """Make a folder if it is missing; raises InputError that names it if no file can be written there."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        why = "" if os.access(folder, os.W_OK | os.X_OK) else "no permission, or a file system that is only read"
+        why = "" if os.access(folder, os.W_OK | os.X_OK) else "no permission, or a read-only file system"
     except OSError as error:
         why = str(error.strerror)
     if why:
-        raise InputError(f"no file can be written to this folder: {why}", file=folder, remedy="give another folder")
+        raise InputError(f"cannot write to this folder: {why}", file=folder, remedy="give another folder")
 
 
 def write_json(data: Any, path: str | Path) -> None:

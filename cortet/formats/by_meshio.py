@@ -73,11 +73,11 @@ def read(path: Path) -> TetMesh:
             faces = _faces(_read_xdmf(beside))
         kinds = {block.type for block in found.cells}
         if "tetra" not in kinds or kinds - _FLAT - {"tetra"}:
-            raise ValueError(f"it has no tetrahedra, or other cells of a volume: {', '.join(sorted(kinds)) or 'none'}")
+            raise ValueError(f"it has no tetrahedra, or also other volume cells: {', '.join(sorted(kinds)) or 'none'}")
     except InputError:
         raise
     except Exception as error:  # whatever meshio raises for a file that is damaged or holds something else
-        what = f"is no mesh that cortet reads ({type(error).__name__}: {error})"
+        what = f"is not a mesh that cortet reads ({type(error).__name__}: {error})"
         raise InputError(what, file=path, remedy=_REMEDY) from error
     of_cells = {name: _of("tetra", found, blocks) for name, blocks in found.cell_data.items()}
     if (number := next((of_cells.pop(name) for name in _NUMBERS if name in of_cells), None)) is not None:
@@ -131,7 +131,7 @@ def _read_abaqus(path: Path) -> Any:
     of_blocks = re.findall(rb"^\*ELEMENT\b[^\n]*ELSET\s*=\s*([^,\s]+)", text, _LINES)
     if strange or len({*of_blocks}) < len(of_blocks):
         raise ValueError(
-            f"it is not one part of plain nodes, elements and sets: {[*strange, 'blocks of one ELSET'][0]}"
+            f"it is not a single part of plain nodes, elements and sets: {[*strange, 'blocks of one ELSET'][0]}"
         )
     found = _read_changed(_COMMENTS.sub(b"", text), path, meshio.abaqus.read)
     found.field_data = {name: [tag, 3] for name, tag in _named(text).items()}
@@ -166,7 +166,7 @@ def _require_rising(text: bytes) -> None:
     for block in _NODE_DATA.findall(text) if nodes else []:
         found = [line.split()[0] for line in block.splitlines() if re.match(rb"\d+\s+[-+.\d]", line)]
         if found != numbers[: len(found)]:
-            raise ValueError("it has fields of nodes in another order than its nodes: save it in binary")
+            raise ValueError("its fields list the nodes in another order: save it in binary")
 
 
 def _read_xdmf(path: Path) -> Any:

@@ -20,7 +20,7 @@ def in_components(fields: Mapping[str, NDArray[Any]], allowed: Collection[int]) 
         else:
             scalars = {f"{name}_{number}": column[:, None] for number, column in enumerate(columns.T, start=1)}
             if taken := sorted(scalars.keys() & fields.keys()):
-                what = f"field {name} would be written as {', '.join(scalars)}, and there is a field {taken[0]}"
+                what = f"field {name} would be written as {', '.join(scalars)}, but there already is a field {taken[0]}"
                 raise InputError(what, remedy="give one of them another name")
             result |= scalars
     return result

@@ -51,7 +51,7 @@ def read(path: Path) -> TriSurface:
         found = {".ply": meshio.ply, ".off": meshio.off, ".obj": meshio.obj}[kind].read(str(unpacked))
         points = np.asarray(found.points, float)[:, :3]
         if any(block.type != "triangle" for block in found.cells):
-            raise ValueError("it has other faces")
+            raise ValueError("it has faces that are not triangles")
         faces = np.concatenate([np.empty((0, 3), int), *(block.data for block in found.cells)])
         rows = _rows_of_off(data, header.end()) if header and kind == ".off" else len(points) + len(faces)
         if declared and (declared != [len(points), len(faces)] or rows != sum(declared)):

@@ -96,7 +96,7 @@ def _placeholders(parts: Mapping[str, int]) -> str:
     """A neo-Hookean material for each part, given by its number; InputError for a number that is not such an id."""
     names = {number: name for name, number in parts.items()}
     if wrong := [number for number in names if not 1 <= number <= _MOST_MATERIALS]:
-        what = f"the region {names[wrong[0]]} has the number {wrong[0]}, and ids of materials are in sequence from 1"
+        what = f"the region {names[wrong[0]]} has the number {wrong[0]}, but FEBio numbers materials in sequence from 1"
         raise InputError(what, remedy=f"number the regions from 1 to at most {_MOST_MATERIALS}")
     return "".join(
         f'<material id="{number}" name={quoteattr(names.get(number, f"no_part_{number}"))} type="neo-Hookean">'

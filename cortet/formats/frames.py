@@ -62,13 +62,13 @@ def of_gifti(systems: Sequence[System], about: Mapping[str, str], provenance: st
     frame = min(stated, key=lambda one: (not one.leads_to_scanner, not one.is_placed), default=CoordinateFrame())
     if len(stated) > 1:
         named = ", ".join(f"{one.dataspace} to {one.xformspace}" for one in stated)
-        logger.warning("%s: states %s: %s is taken", path, named, f"{frame.dataspace} to {frame.xformspace}")
+        logger.warning("%s: states %s; cortet uses %s", path, named, f"{frame.dataspace} to {frame.xformspace}")
     if not frame.is_placed and (own := _of_volume(about, path)).is_placed:
         if frame.dataspace == _UNKNOWN and not _MOVED.search(provenance):
-            logger.info("%s: placed in the scanner by its VolGeom metadata", path)
+            logger.info("%s: cortet places it in scanner space by its VolGeom metadata", path)
             frame = own
         else:
-            why = f"its coordinates are in {frame.dataspace}, or Workbench has moved them since"
+            why = f"its coordinates are in {frame.dataspace}, or Workbench has transformed them"
             logger.warning("%s: cortet ignores the VolGeom metadata, as %s", path, why)
     _check(frame, path, "matrix")
     return frame
@@ -89,7 +89,7 @@ def of_volume(axes: Any, centre: Any, path: str | Path, source: str) -> Coordina
     matrix[:3, :3], matrix[:3, 3] = np.asarray(axes, float) @ _SURFACE_RAS.T, centre
     if not (np.any(axes) and np.isfinite(matrix).all() and (np.abs(matrix[:3, 3]) <= _FAR).all()):
         what = f"{np.asarray(axes).tolist()} around {np.asarray(centre).tolist()} mm"
-        logger.warning("%s: cortet ignores the axes of the volume in %s, which cannot be: %s", path, source, what)
+        logger.warning("%s: cortet ignores the volume axes in %s, which are invalid: %s", path, source, what)
         return CoordinateFrame()
     frame = CoordinateFrame(_UNKNOWN, ANATOMICAL[0], tuple((matrix + 0.0).ravel().tolist()))
     _check(frame, path, source)
@@ -115,7 +115,7 @@ def _frame(system: System, path: str | Path) -> CoordinateFrame:
         whole = np.reshape(system.matrix, (4, 4))
         if not whole.any() or not all(name.startswith("NIFTI") for name in system[:2]):
             if not np.array_equal(whole, np.eye(4)):
-                logger.warning("%s: cortet ignores a matrix of 0 or of spaces without names: %s", path, system)
+                logger.warning("%s: cortet ignores a matrix that is 0 or has unnamed spaces: %s", path, system)
             return CoordinateFrame(dataspace, dataspace)
         if not (np.isfinite(whole).all() and np.allclose(whole[3], [0, 0, 0, 1], atol=1e-6)):
             raise ValueError("the matrix is not an affine")
@@ -140,8 +140,8 @@ def _require_one_way(stated: Sequence[CoordinateFrame], path: str | Path) -> Non
         space = one.xformspace if one.leads_to_scanner else one.dataspace
         other = ways.setdefault(space, one)
         if space in ANATOMICAL and np.abs(one.to_scanner - other.to_scanner).max() > _APART:
-            what = f"its coordinate systems contradict each other: they lead to different locations in {space}"
-            raise InputError(what, file=path, remedy="remove the one that is wrong")
+            what = f"its coordinate systems contradict each other: they map to different locations in {space}"
+            raise InputError(what, file=path, remedy="remove whichever is wrong")
 
 
 def _check(frame: CoordinateFrame, path: str | Path, source: str) -> None:
@@ -161,8 +161,8 @@ def _check(frame: CoordinateFrame, path: str | Path, source: str) -> None:
     normalised = frame.xformspace in _TEMPLATES and frame.dataspace != frame.xformspace and low > least
     if far or not (rigid or (normalised and not (mirrored and least))):
         raise InputError(
-            f"the {source} maps its coordinates ({frame.dataspace}) to {frame.xformspace} by no rigid motion within a "
-            f"scanner: lengths change by {low:.4g} to {high:.4g}{', mirrored' if mirrored else ''}",
+            f"the {source} maps {frame.dataspace} to {frame.xformspace} by a transform that is not a rigid motion "
+            f"within a scanner: lengths change by factors of {low:.4g} to {high:.4g}{', mirrored' if mirrored else ''}",
             file=path,
             remedy=_REMEDY.format(source),
         )

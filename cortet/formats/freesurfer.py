@@ -91,7 +91,7 @@ def read_annotation(path: Path) -> Annotation:
         of_vertex, table, names = read_annot(str(path), orig_ids=True)  # type: ignore[no-untyped-call]
         colours = table[:, 4]
         if len(names) != len(colours):
-            raise ValueError("its table leaves out numbers of labels: convert it with mris_convert --annot")
+            raise ValueError("its table omits label numbers: convert it with mris_convert --annot")
         ends = [colour.tobytes() for colour in table[:, :4].astype(">i4")]  # NumPy reads less than was asked for
         if not path.read_bytes().endswith(tuple(ends)):
             raise ValueError("its table is cut off")
@@ -113,7 +113,7 @@ def _frame(footer: dict[str, Any], path: Path) -> CoordinateFrame:
     valid = str(footer.get("valid", ""))
     if not valid.startswith("1"):
         if valid:
-            logger.warning("%s: its footer says `valid = %s`: the coordinates are used as they are", path, valid)
+            logger.warning("%s: its footer says `valid = %s`; cortet uses the coordinates unchanged", path, valid)
         return CoordinateFrame()
     if short := [name for name in (*_AXES, "cras") if np.size(footer.get(name, ())) != 3]:
         raise ValueError(f"its footer lacks numbers of {short[0]}")

@@ -253,8 +253,8 @@ def _fields(image: Any, path: str | Path, count: int | None = None) -> dict[str,
         name, values = array.meta.get("Name") or Path(path).name.split(".")[0], array.data
         count = len(values) if count is None else count
         if len(values) != count or not (nodes is None or np.array_equal(np.sort(nodes), np.arange(count))):
-            what = f"field `{name}` has {len(values)} values, not one for each of {count} vertices"
-            raise InputError(what, file=path, remedy="export one value for each vertex of this very surface")
+            what = f"field `{name}` has {len(values)} values, but the surface has {count} vertices"
+            raise InputError(what, file=path, remedy="export one value for each vertex of this surface")
         values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
         values = values if nodes is None else values[np.argsort(nodes)]
         fields.append((name, in_32_bits(values, f"field `{name}`", path) if array.intent == _LABELS else values))
@@ -268,7 +268,7 @@ def _read(path: Path) -> Any:
         external = html.unescape(name.decode("utf-8", "replace"))  # NiBabel opens it as it meets it
         if Path(external).name != external:
             what = f"the external file {external} is not in the same folder"
-            raise InputError(what, file=path, remedy="move it there, and name it without a folder")
+            raise InputError(what, file=path, remedy="move it there, and refer to it without a folder")
         check_file(path.with_name(external))
     file = BytesIO(data)
     file.name = str(path)  # NiBabel looks for external files beside it

@@ -105,7 +105,7 @@ def guarded(
 def may_write(path: Path) -> None:
     """Raise InputError unless a file may be written, replaced or deleted; without a guard, any short name may."""
     if len(os.fsencode(temporary_beside(path).name)) > _LONGEST:
-        raise InputError("has too long a name", file=path, remedy="give a shorter name")
+        raise InputError("has a name that is too long", file=path, remedy="give a shorter name")
     guard = _guard.get()
     if guard is None:
         return
@@ -119,7 +119,7 @@ def may_write(path: Path) -> None:
         raise InputError("is a folder, a device or a pipe", file=path, remedy="give the name of a file")
     if os.path.lexists(path) and not (guard.force or guard.owns(path) or is_ours(path)):
         raise InputError(
-            "exists, and cortet did not make it, or it has changed since",
+            "exists, and cortet did not write it or it has changed since",
             file=path,
             remedy="give another name, or add --force to replace it",
         )
@@ -133,7 +133,7 @@ def _require_own_list(manifest: Path, guard: _Guard) -> None:
     for given in guard.inputs:
         _refuse_same(manifest, given)
     if not alone or not os.access(manifest, os.R_OK | os.W_OK):
-        what = "is to list the files that cortet made here, but is no file of its own that it may write to"
+        what = "should list the files that cortet wrote here, but cortet cannot write to it"
         raise InputError(what, file=manifest, remedy="delete it or correct its permissions, or use another folder")
 
 
@@ -183,7 +183,7 @@ def is_temporary(folder: Path) -> bool:
 
 def refuse_companion(path: Path) -> NoReturn:
     """Raise InputError for an output whose name another file has that the same command writes."""
-    raise InputError("is the name of another file that this command writes", file=path, remedy="give another name")
+    raise InputError("is also the name of another file that this command writes", file=path, remedy="give another name")
 
 
 def temporary_beside(path: Path) -> Path:

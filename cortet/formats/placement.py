@@ -77,11 +77,11 @@ def require_precision(points: FloatArray, cell_size: float) -> None:
     if step <= _COARSE * cell_size:
         return
     what = (
-        f"its coordinates reach {furthest:.4g} mm, where the numbers of a file in single precision are {step:.2g} mm "
-        f"apart, {step / cell_size:.1%} of the cell size"
+        f"coordinates reach {furthest:.4g} mm, where single precision resolves only {step:.2g} mm, "
+        f"{step / cell_size:.1%} of the cell size"
     )
     if step > _TOO_COARSE * cell_size:
-        raise InputError(what, remedy="move the surface, and its volumes, near the origin")
+        raise InputError(what, remedy="translate the surface and its volumes to the origin")
     logger.warning("the surface: %s", what)
 
 

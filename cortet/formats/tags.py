@@ -38,7 +38,7 @@ def region_numbers(mesh: TetMesh) -> IntArray:
     if given is not None and given.ndim == 1 and np.isfinite(given).all() and (given == np.round(given)).all():
         outside = (given <= -TOO_LARGE) | (given >= TOO_LARGE)
         if outside.any():
-            what = f"a tetrahedron is in the region {given[outside][0]:.0f}, which has more than seven digits"
+            what = f"the region number {given[outside][0]:.0f} has more than seven digits"
             raise InputError(what, remedy="number the regions from 1 on")
         return given.astype(np.int32)
     number = np.zeros(len(mesh.cells), np.int32)

@@ -25,7 +25,7 @@ _LONGEST_NAME = 80
 #: first bytes of what is packed by gzip
 GZIP = b"\x1f\x8b"
 #: what is said of a link whose content is not here
-ELSEWHERE = "is a link to a file that has not been downloaded"
+ELSEWHERE = "is a link to a file that was not downloaded"
 _READABLE = "check the path and its permissions"
 
 _T = TypeVar("_T")
@@ -111,7 +111,7 @@ def require_finite_points(points: NDArray[Any], path: str | Path) -> None:
     """Raise InputError if a coordinate (n, 3) is not finite."""
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
-        what = f"{len(bad)} vertices have coordinates that are not finite, the first is vertex {bad[0]}"
+        what = f"{len(bad)} vertices have coordinates that are not finite; the first is vertex {bad[0]}"
         raise DamagedFileError(what, file=path)
 
 

@@ -112,7 +112,7 @@ def read_labels(text: str) -> tuple[Volume, list[int]]:
             named = [int(word)]
         if len(named) != 1 or named[0] not in there:
             shown = ", ".join(f"{one} {volume.names.get(one, '')}".strip() for one in there[:20] if one)
-            many = f", but {len(named)} of that name: use their numbers" if len(named) > 1 else ""
+            many = f", but {len(named)} labels have that name: use their numbers" if len(named) > 1 else ""
             raise InputError(f"has no label {word!r}{many}", file=match["file"], remedy=f"it has {shown or 'none'}")
         keys += named
     return volume, keys
@@ -174,9 +174,9 @@ def _volume(image: SpatialImage, path: str | Path, kind: Kind | None) -> Volume:
     if tensors != (kind in ("tensors", "mrtrix")) and kind is not None:
         there = "six numbers" if tensors else "one number"
         remedy = "name it NAME=FILE:tensors" if tensors else "a tensor has six numbers"
-        raise InputError(f"holds {there} per voxel, so it cannot hold {kind}", file=path, remedy=remedy)
+        raise InputError(f"holds {there} per voxel, which cannot be {kind}", file=path, remedy=remedy)
     if not np.nan_to_num(values).any():
-        raise InputError("is empty: no voxel holds a number but 0", file=path, remedy="export it again")
+        raise InputError("is empty: every voxel is 0", file=path, remedy="export it again")
     if tensors:
         return Volume(_tensors(values, affine, order or kind or "tensors", path), affine, "tensors", file=str(path))
     if kind == "labels" or (kind is None and _are_labels(values, path)):
@@ -191,8 +191,8 @@ def _content(image: SpatialImage, path: str | Path) -> tuple[NDArray[Any], Float
         shape = tuple(int(count) for count in image.shape)
         more = [count for count in shape[3:] if count != 1]
         if len(shape) < 3 or 0 in shape or more not in ([], [_TENSOR]):
-            what = f"has the shape {shape}, which is neither one volume nor the six of a tensor"
-            remedy = "take one volume out of it, for example with fslroi or mrconvert -coord 3 0"
+            what = f"has the shape {shape}, which is neither one volume nor the six components of a tensor"
+            remedy = "extract one volume, for example with fslroi or mrconvert -coord 3 0"
             raise InputError(what, file=path, remedy=remedy)
         affine = np.asarray(image.affine, float)
         require_geometry(image, path)
@@ -214,10 +214,10 @@ def require_geometry(image: Any, path: str | Path) -> None:
         why = "its sform and qform codes are 0"
     elif "goodRASFlag" in header and os.path.isfile(path):  # noqa: PTH113, as in label_table
         with ImageOpener(str(path)) as file:  # NiBabel sets the flag of what it read
-            why = "" if any(file.read(_TO_FLAG + _FLAG)[_TO_FLAG:]) else "its header calls its geometry invalid"
+            why = "" if any(file.read(_TO_FLAG + _FLAG)[_TO_FLAG:]) else "its header marks its geometry as invalid"
     if why:
         raise InputError(
-            f"does not say where its voxels are: {why}",
+            f"does not state the location of its voxels: {why}",
             file=path,
             remedy="copy the header of the image that it was made from, for example with fslcpgeom or mri_convert",
         )
@@ -227,12 +227,12 @@ def _require_mm(image: Any, affine: FloatArray, path: str | Path) -> None:
     """Raise InputError for an affine that is none, or whose coordinates are not mm."""
     widths = np.linalg.norm(affine[:3, :3], axis=0)
     if not abs(np.linalg.det(affine[:3, :3])) > _SINGULAR * np.prod(widths):
-        raise InputError("its affine flattens space, or is not finite", file=path, remedy="export it again")
+        raise InputError("its affine is singular or not finite", file=path, remedy="export it again")
     unit = image.header.get_xyzt_units()[0] if hasattr(image.header, "get_xyzt_units") else "mm"
     if unit in ("meter", "micron") or widths.min() < _NARROWEST or widths.max() > _WIDEST:
         size = " x ".join(f"{width:.3g}" for width in widths)
         what = f"is not in mm but in metres or micrometres: its voxels are {size} wide, and its unit is {unit}"
-        raise InputError(what, file=path, remedy="write it in mm, as the surface is")
+        raise InputError(what, file=path, remedy="write it in mm, like the surface")
 
 
 def _say_disagreement(image: Any, path: str | Path) -> None:
@@ -244,7 +244,7 @@ def _say_disagreement(image: Any, path: str | Path) -> None:
     corners = np.array(np.meshgrid(*([0, n - 1] for n in image.shape[:3]))).reshape(3, -1).T
     apart = float(np.linalg.norm(corners @ (sform - qform)[:3, :3].T + (sform - qform)[:3, 3], axis=1).max())
     if apart > np.linalg.norm(sform[:3, :3], axis=0).min() / 2:
-        logger.warning("%s: its sform and its qform differ by up to %.1f mm: the sform is taken", path, apart)
+        logger.warning("%s: its sform and its qform differ by up to %.1f mm; cortet uses the sform", path, apart)
 
 
 def _are_labels(values: NDArray[Any], path: str | Path) -> bool:
@@ -256,27 +256,27 @@ def _are_labels(values: NDArray[Any], path: str | Path) -> bool:
         raise InputError(
             f"holds whole numbers as {values.dtype}: labels or measured numbers?",
             file=path,
-            remedy="say which: NAME=FILE:labels or NAME=FILE:numbers",
+            remedy="specify which: NAME=FILE:labels or NAME=FILE:numbers",
         )
     return False
 
 
 def _whole(values: NDArray[Any], path: str | Path) -> NDArray[np.int32]:
     """Labels as 32-bit integers; those that differ a little from whole numbers are rounded, with a warning."""
-    remedy = "save labels as integers, neither interpolated nor scaled; measured numbers are NAME=FILE:numbers"
+    remedy = "save labels as integers, without interpolation or scaling; for measured numbers use NAME=FILE:numbers"
     if values.dtype.kind == "f":
         whole = np.rint(values)
         broken = ~(np.abs(values - whole) <= _ROUNDED)
         if broken.any():
             first = f"{values[broken][0]:.10g}"
-            what = f"is to hold labels, but {broken.mean():.1%} of its voxels hold no whole numbers, such as {first}"
+            what = f"should hold labels, but {broken.mean():.1%} of its voxels are not integers, for example {first}"
             raise InputError(what, file=path, remedy=remedy)
         if (values != whole).any():
-            logger.warning("%s: its labels are not quite whole numbers: they are rounded", path)
+            logger.warning("%s: its labels are not exactly integers; cortet rounds them", path)
         values = whole
     large = values.min() < -(2**31) or values.max() >= 2**31
     if large or (np.ptp(values) > _MOST_LABELS and len(np.unique(values)) > _MOST_LABELS):
-        raise InputError(f"holds more than {_MOST_LABELS:,} labels, or one beyond 32 bits", file=path, remedy=remedy)
+        raise InputError(f"holds more than {_MOST_LABELS:,} labels, or one above 32 bits", file=path, remedy=remedy)
     return values.astype(np.int32)
 
 
@@ -293,7 +293,7 @@ def _tensors(values: NDArray[Any], affine: FloatArray, order: str, path: str | P
     bad = float((np.linalg.eigvalsh(full)[:, 0] <= 0).mean()) if len(full) else 1.0
     if bad > 0.5:
         raise InputError(
-            f"{bad:.0%} of its tensors have an eigenvalue that is not above 0, read as {order}",
+            f"{bad:.0%} of its tensors have an eigenvalue that is not positive when read as {order}",
             file=path,
             remedy="name it NAME=FILE:mrtrix if MRtrix wrote it, NAME=FILE:tensors if FSL did",
         )

@@ -15,7 +15,7 @@ import numpy as np
 
 from cortet.geometry.closest_point import closer_than, closest_points, tree_of
 from cortet.geometry.facing import facing
-from cortet.geometry.topology import edges, face_normals
+from cortet.geometry.topology import edges, face_normals, unit_vectors
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: most rounds in which balls shrink; they stop changing after a few
@@ -100,13 +100,13 @@ def _mean_edge(surface: TriSurface) -> float:
 
 def _fronts(surface: TriSurface) -> tuple[FloatArray, FloatArray]:
     """Centres (m, 3) of the faces, mm, and their outward unit normals (m, 3)."""
-    return surface.points[surface.faces].mean(axis=1), _unit(face_normals(surface.points, surface.faces))
+    return surface.points[surface.faces].mean(axis=1), unit_vectors(face_normals(surface.points, surface.faces))
 
 
 def _given(surface: TriSurface, places: FloatArray, widest: float) -> FloatArray:
     """Gaps of the surface at the points of it that are nearest to places (k, 3) mm, at most `widest`: (k,) mm."""
     found = closest_points(tree_of(surface), places)
-    normals = _unit(face_normals(surface.points, surface.faces))[found.faces]
+    normals = unit_vectors(face_normals(surface.points, surface.faces))[found.faces]
     return np.maximum(gaps(surface, found.points, normals, widest), np.finfo(float).tiny)
 
 
@@ -135,8 +135,3 @@ def gaps(surface: TriSurface, places: FloatArray, normals: FloatArray, widest: f
         smaller = np.einsum("kc,kc->k", across, across) / np.maximum(2 * ahead, np.finfo(float).tiny)
         radius[active] = np.minimum(radius[active], smaller)
     return 2 * radius
-
-
-def _unit(vectors: FloatArray) -> FloatArray:
-    """Vectors (k, 3) scaled to unit length; vectors of length 0 stay as they are."""
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), np.finfo(float).tiny)

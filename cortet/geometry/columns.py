@@ -24,7 +24,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.geometry.topology import TET_FACES, edges, face_normals, neighbours
+from cortet.geometry.topology import TET_FACES, edges, face_normals, neighbours, unit_vectors
 from cortet.meshes import FloatArray, IntArray, TetMesh
 
 #: largest step along a line, as a change of φ
@@ -54,15 +54,28 @@ class Lines(NamedTuple):
     reached: NDArray[np.bool_]
 
 
+class Potential(NamedTuple):
+    """φ in a wall of n nodes and m tetrahedra, as the kernels take it."""
+
+    #: (n, 3) mm, (m, 4)
+    points: FloatArray
+    cells: IntArray
+    #: (m, 4) the tetrahedron behind the face opposite each corner, or -1
+    behind: IntArray
+    #: (m, 4, 3) per mm, gradients of the barycentric coordinates
+    slopes: FloatArray
+    #: (n,), and its gradient (n, 3) per mm
+    phi: FloatArray
+    gradient: FloatArray
+
+
 @dataclass(frozen=True, eq=False)
 class Columns:
     """The column through each node of a wall."""
 
     wall: TetMesh
-    #: (n,), (n, 3) per mm, at the nodes
-    phi: FloatArray
-    gradient: FloatArray
-    #: (n, 3), unit vector towards the surface where φ is 1; zero at a node without a column
+    potential: Potential
+    #: (n, 3), unit vector towards the surface where φ is 1
     direction: FloatArray
     #: lines to the surfaces where φ is 0, and where it is 1
     to_zero: Lines
@@ -78,45 +91,42 @@ class Columns:
         """Length of the column of a node: (n,) mm."""
         return self.to_zero.length + self.to_one.length
 
-    @property
-    def depth(self) -> FloatArray:
-        """Share of the length between a node and the surface where φ is 1: (n,)."""
-        return _share(self.to_one.length, self.to_zero.length)
-
-    @property
-    def depth_equivolumetric(self) -> FloatArray:
-        """Share of the volume between a node and the surface where φ is 1: (n,)."""
-        return _share(self.to_one.volume, self.to_zero.volume)
-
-    @property
-    def share_per_mm(self) -> FloatArray:
-        """How much of its volume a column has in a millimetre at a node: (n,) per mm."""
-        flux = np.linalg.norm(self.gradient, axis=1) * (self.to_zero.volume + self.to_one.volume)
-        return np.divide(1, flux, out=np.zeros(len(flux)), where=flux > 0)
-
-    def at(self, nodes: IntArray, depth: float, *, equivolumetric: bool = True) -> FloatArray:
-        """The points at a depth, from 0 to 1, of the columns of some nodes: (k, 3) mm, NaN without a whole column.
+    def depth(self, *, equivolumetric: bool) -> tuple[FloatArray, FloatArray]:
+        """Fraction of a column between a node and the surface where φ is 1, (n,); and its gradient, (n, 3) per mm.
 
         Parameters
         ----------
-        nodes : (k,)
-        equivolumetric : whether the depth is a share of the volume, or of the length
+        equivolumetric : whether it is a fraction of the volume, or of the length
         """
-        by = "volume" if equivolumetric else "length"
-        above, below = getattr(self.to_one, by)[nodes], getattr(self.to_zero, by)[nodes]
+        above, below = self._parts(equivolumetric)
+        total = above + below
+        flux = np.linalg.norm(self.potential.gradient, axis=1) if equivolumetric else np.ones(len(total))
+        per_mm = _ratio(np.ones(len(total)), flux * total)
+        return _ratio(above, total), -per_mm[:, None] * self.direction
+
+    def at(self, nodes: IntArray, depth: float, *, equivolumetric: bool = True) -> FloatArray:
+        """The points at a depth, from 0 to 1, of the columns of some nodes (k,): (k, 3) mm, NaN without a whole column.
+
+        `equivolumetric` is that of `depth`.
+        """
+        above, below = (part[nodes] for part in self._parts(equivolumetric))
         further = depth * (above + below) - above
         points = self.wall.points[nodes].copy()
         for goal, way in ((0.0, further), (1.0, -further)):
             going = np.flatnonzero(way > 0)
-            lines = _lines(self.wall, self.phi, self.gradient, goal, nodes[going], way[going], by_volume=equivolumetric)
-            points[going] = lines.ends
+            points[going] = _lines(self.potential, goal, nodes[going], way[going], by_volume=equivolumetric).ends
         points[~self.whole[nodes]] = np.nan
         return points
 
+    def _parts(self, equivolumetric: bool) -> tuple[FloatArray, FloatArray]:
+        """Volume or length of the column of a node above and below it."""
+        if equivolumetric:
+            return self.to_one.volume, self.to_zero.volume
+        return self.to_one.length, self.to_zero.length
 
-def _share(above: FloatArray, below: FloatArray) -> FloatArray:
-    total = above + below
-    return np.divide(above, total, out=np.zeros(len(total)), where=total > 0)
+
+def _ratio(part: FloatArray, total: FloatArray) -> FloatArray:
+    return np.divide(part, total, out=np.zeros(len(total)), where=total > 0)
 
 
 def columns(wall: TetMesh, phi: FloatArray) -> Columns:
@@ -128,32 +138,17 @@ def columns(wall: TetMesh, phi: FloatArray) -> Columns:
     phi : (n,) harmonic in the wall, 0 on one surface and 1 on the other
     """
     gradient = recovered_gradient(wall, phi)
-    size = np.linalg.norm(gradient, axis=1)
-    direction = np.divide(gradient, size[:, None], out=np.zeros_like(gradient), where=size[:, None] > 0)
-    nodes = np.arange(len(wall.points), dtype=np.int32)
-    to_zero, to_one = (
-        _lines(wall, phi, gradient, goal, nodes, np.full(len(nodes), np.inf), by_volume=True) for goal in (0.0, 1.0)
-    )
-    return Columns(wall, phi, gradient, direction, to_zero, to_one)
+    potential = Potential(wall.points, wall.cells, neighbours(wall), _slopes(wall), phi, gradient)
+    nodes = np.arange(len(phi), dtype=np.int32)
+    endless = np.full(len(phi), np.inf)
+    to_zero, to_one = (_lines(potential, goal, nodes, endless, by_volume=True) for goal in (0.0, 1.0))
+    return Columns(wall, potential, unit_vectors(gradient), to_zero, to_one)
 
 
-def _lines(
-    wall: TetMesh,
-    phi: FloatArray,
-    gradient: FloatArray,
-    goal: float,
-    nodes: IntArray,
-    most: FloatArray,
-    *,
-    by_volume: bool,
-) -> Lines:
+def _lines(potential: Potential, goal: float, nodes: IntArray, most: FloatArray, *, by_volume: bool) -> Lines:
     """Lines from some nodes (k,) to where φ is `goal`, or as far as `most` (k,), a volume or a length."""
-    slopes = _slopes(wall)
-    first = _first_cells(wall, slopes, gradient if goal else -gradient)
-    found = _follow(
-        wall.points, wall.cells, slopes, neighbours(wall), phi, gradient, nodes, first[nodes], goal, most, by_volume
-    )
-    return Lines(*found)
+    first = _first_cells(potential, potential.gradient if goal else -potential.gradient)
+    return Lines(*_follow(potential, nodes, first[nodes], goal, most, by_volume))
 
 
 def recovered_gradient(mesh: TetMesh, values: FloatArray) -> FloatArray:
@@ -177,13 +172,12 @@ def _slopes(mesh: TetMesh) -> FloatArray:
     return np.ascontiguousarray(inward / six_volumes[:, None, None])
 
 
-def _first_cells(mesh: TetMesh, slopes: FloatArray, direction: FloatArray) -> IntArray:
+def _first_cells(potential: Potential, direction: FloatArray) -> IntArray:
     """The tetrahedron at each node into which a direction leads most: (n,) int32."""
-    best, cell = np.full(len(mesh.points), -np.inf), np.zeros(len(mesh.points), np.int32)
-    for corner in range(4):
-        nodes = mesh.cells[:, corner]
+    best, cell = np.full(len(direction), -np.inf), np.zeros(len(direction), np.int32)
+    for corner, nodes in enumerate(potential.cells.T):
         others = [other for other in range(4) if other != corner]
-        inside = np.einsum("mkc,mc->mk", slopes[:, others], direction[nodes]).min(axis=1)
+        inside = np.einsum("mkc,mc->mk", potential.slopes[:, others], direction[nodes]).min(axis=1)
         order = np.argsort(inside, kind="stable")  # of several tetrahedra at a node the last one written stays
         better = order[inside[order] > best[nodes[order]]]
         best[nodes[better]], cell[nodes[better]] = inside[better], better
@@ -221,29 +215,23 @@ def _fitted(points, values, first, others):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _follow(  # type: ignore[no-untyped-def]
-    points, cells, slopes, behind, phi, gradient, nodes, first, goal, most, by_volume
-):
+def _follow(potential, nodes, first, goal, most, by_volume):  # type: ignore[no-untyped-def]
     """Follow the line of each node to where φ has the value `goal`, or until it has the volume or length `most`."""
     n = len(nodes)
     length, volume, ends, reached = np.zeros(n), np.zeros(n), np.zeros((n, 3)), np.zeros(n, np.bool_)
     for k in range(n):
-        length[k], volume[k], reached[k] = _follow_one(
-            points, cells, slopes, behind, phi, gradient, nodes[k], first[k], goal, most[k], by_volume, ends[k]
-        )
+        ends[k] = potential.points[nodes[k]]
+        length[k], volume[k], reached[k] = _follow_one(potential, first[k], goal, most[k], by_volume, ends[k])
     return length, volume, ends, reached
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _follow_one(  # type: ignore[no-untyped-def]
-    points, cells, slopes, behind, phi, gradient, node, cell, goal, most, by_volume, at
-):
-    """Length and volume of one line, and whether it reached the goal; `at` becomes its end."""
+def _follow_one(potential, cell, goal, most, by_volume, at):  # type: ignore[no-untyped-def]
+    """Length and volume of one line, and whether it reached the goal; `at`, its first point, becomes its end."""
     sign = 1.0 if goal else -1.0
-    at[:] = points[node]
     length, volume = 0.0, 0.0
-    weights = _weights(points, cells, slopes, cell, at)
-    value, slope = _interpolated(cells, phi, gradient, cell, weights)
+    weights = _weights(potential, cell, at)
+    value, slope = _interpolated(potential, cell, weights)
     for _ in range(_STEPS):
         size = np.sqrt(np.sum(slope**2))
         left = sign * (goal - value)
@@ -253,16 +241,16 @@ def _follow_one(  # type: ignore[no-untyped-def]
         rest = min(_STEP, left) / size
         went = rest
         for _ in range(_PASSED):
-            way, through = _way_out(slopes, cell, weights, direction, rest)
+            way, through = _way_out(potential.slopes[cell], weights, direction, rest)
             at += way * direction
             rest -= way
-            entered = behind[cell, through] if through >= 0 else -1
+            entered = potential.behind[cell, through] if through >= 0 else -1
             cell = cell if entered < 0 else entered
-            weights = _weights(points, cells, slopes, cell, at)
+            weights = _weights(potential, cell, at)
             if entered < 0:
                 break
         went -= rest
-        value, slope = _interpolated(cells, phi, gradient, cell, weights)
+        value, slope = _interpolated(potential, cell, weights)
         spread = went * (1 / size + 1 / np.sqrt(np.sum(slope**2))) / 2
         beyond = volume + spread - most if by_volume else length + went - most
         if beyond > 0:
@@ -277,31 +265,34 @@ def _follow_one(  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _way_out(slopes, cell, weights, direction, most):  # type: ignore[no-untyped-def]
+def _way_out(slopes, weights, direction, most):  # type: ignore[no-untyped-def]
     """How far a straight line stays in a tetrahedron, at most `most` mm, and the face by which it leaves, or -1."""
     way, through = most, -1
     for corner in range(4):
-        falls = -np.sum(slopes[cell, corner] * direction)
+        falls = -np.sum(slopes[corner] * direction)
         if falls > 0 and max(weights[corner], 0.0) < way * falls:
             way, through = max(weights[corner], 0.0) / falls, corner
     return way, through
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _weights(points, cells, slopes, cell, at):  # type: ignore[no-untyped-def]
+def _weights(potential, cell, at):  # type: ignore[no-untyped-def]
     """Barycentric coordinates of a point in a tetrahedron."""
     weights = np.empty(4)
     weights[0] = 1.0
     for corner in range(1, 4):
-        weights[corner] = np.sum(slopes[cell, corner] * (at - points[cells[cell, 0]]))
+        origin = potential.points[potential.cells[cell, 0]]
+        weights[corner] = np.sum(potential.slopes[cell, corner] * (at - origin))
         weights[0] -= weights[corner]
     return weights
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _interpolated(cells, phi, gradient, cell, weights):  # type: ignore[no-untyped-def]
+def _interpolated(potential, cell, weights):  # type: ignore[no-untyped-def]
+    """φ and its gradient at a point of a tetrahedron."""
     value, slope = 0.0, np.zeros(3)
     for corner in range(4):
-        value += weights[corner] * phi[cells[cell, corner]]
-        slope += weights[corner] * gradient[cells[cell, corner]]
+        node = potential.cells[cell, corner]
+        value += weights[corner] * potential.phi[node]
+        slope += weights[corner] * potential.gradient[node]
     return value, slope

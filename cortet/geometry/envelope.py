@@ -59,7 +59,7 @@ def envelope(surfaces: Sequence[TriSurface], distance: float, *, closing: float 
         if surface_topology(found.faces).euler_number == 2:
             return single_precision(_moved_out(found, every, distance))
     raise InputError(
-        f"no surface without holes encloses the {len(surfaces)} surfaces {distance:g} mm away from them",
+        f"cannot enclose the {len(surfaces)} surfaces by one without holes at a distance of {distance:g} mm",
         remedy="give surfaces of one brain, or a larger distance",
     )
 

@@ -42,13 +42,13 @@ _FOLDED, _OVERFULL = 1, 2
 _VOIDS, _OVERLAPPING = "voids", "overlapping_bodies"
 #: identifier of a flaw -> what is counted, worded to follow the count: "3 tetrahedra listed twice"
 WORDS = {
-    "tetrahedra_with_doubled_nodes": "tetrahedra with one node twice",
+    "tetrahedra_with_doubled_nodes": "tetrahedra with a repeated node",
     "repeated_tetrahedra": "tetrahedra listed twice",
     "overfull_faces": "faces in more than two tetrahedra",
     "folded_faces": "folded faces, with both tetrahedra on one side",
     _VOIDS: "voids inside the mesh",
-    _OVERLAPPING: "bodies that reach into another",
-    "coincident_nodes": "nodes at the place of another",
+    _OVERLAPPING: "overlapping bodies",
+    "coincident_nodes": "coincident nodes",
     "nonmanifold_edges": "boundary edges in more than two faces",
     "pinched_vertices": "pinched boundary vertices",
 }

@@ -57,17 +57,17 @@ def without_handles(work: Triangles, *, keep: int, max_loop: float, max_piece: f
         where = place_mm(middle)
         if lengths[0] > max_loop:
             raise InputError(
-                f"{genus} handle{'s' if genus > 1 else ''}, the thinnest with a loop of {lengths[0]:.0f} mm around "
-                f"{where}, where loops up to {max_loop:g} mm are cut or closed",
+                f"{genus} handle{'s' if genus > 1 else ''}; the thinnest has a loop of {lengths[0]:.0f} mm around "
+                f"{where}, and cortet cuts or closes loops of up to {max_loop:g} mm",
                 remedy="correct the topology of the segmentation, or set repair.max_loop, or gate.allow_genus if the "
-                "handles are meant",
+                "handles are real",
             )
         short = [loop for loop, length in zip(loops, lengths, strict=True) if length <= max_loop]
         crossing = len(self_intersections(as_surface(work)))
         tried = [_cut(work, loop, max_piece, genus, crossing) for loop in short]
         possible = [made for made in tried if made is not None]
         if not possible:
-            raise InputError(f"a handle around {where} could not be cut or closed")
+            raise InputError(f"cannot cut or close the handle at {where}")
         volume = enclosed_volume(work.points, work.faces)
         changes = [abs(enclosed_volume(made.points, made.faces) - volume) for made in possible]
         work = compacted(possible[int(np.argmin(changes))])

@@ -75,8 +75,8 @@ def capped(work: Triangles, rim: IntArray, made: int) -> Triangles:
         from CGAL import CGAL_Polygon_mesh_processing as processing
     except ImportError:
         raise InputError(
-            "filling a hole takes the Python package `cgal`, which is not installed",
-            remedy="use Python 3.11 or 3.12, for which it exists, or set repair.enabled: false",
+            "filling a hole requires the Python package `cgal`, which is not installed",
+            remedy="use Python 3.11 or 3.12, which `cgal` supports, or set repair.enabled: false",
         ) from None
     around, kept = _around(work, rim)
     polyhedron, items = _polyhedron(around)
@@ -87,7 +87,7 @@ def capped(work: Triangles, rim: IntArray, made: int) -> Triangles:
         processing.triangulate_and_refine_hole(polyhedron, border, faces, vertices)
     if not faces:
         where = place_mm(work.points[rim].mean(axis=0))
-        raise InputError(f"a hole of {len(rim)} edges around {where} cannot be filled")
+        raise InputError(f"cannot fill the hole of {len(rim)} edges at {where}")
     count = len(around.points)
     number = np.concatenate([kept, len(work.points) + np.arange(len(vertices), dtype=np.int32)])
     for place, vertex in enumerate(vertices):
@@ -122,12 +122,12 @@ def replaced(work: Triangles, vertices: IntArray, max_piece: float, flaw: str) -
     marked[vertices] = True
     rest, _ = split_fans(chosen_faces(work, ~faces_at(work.faces, marked)))
     if not len(rest.faces):
-        raise InputError(f"{flaw}; if they were cut out, nothing would be left of the surface")
+        raise InputError(f"{flaw}; cutting them out would leave nothing of the surface")
     piece, area = pieces(rest)
     if len(area) > 1 and area[1] > max_piece * area.sum():
         where = place_mm(rest.points[rest.faces[piece == 1]].mean(axis=(0, 1)))
         share = f"{area[1] / area.sum():.1%} of the area"
-        raise InputError(f"{flaw}; if they were cut out, {share} would be cut off as well, around {where}")
+        raise InputError(f"{flaw}; cutting them out would also cut off {share}, around {where}")
     rest = chosen_faces(rest, piece == 0)
     for rim in rims(rest.faces):
         rest = capped(rest, rim, REPLACED)

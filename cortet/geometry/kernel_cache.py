@@ -66,7 +66,7 @@ def cache_folder() -> Path:
     if writable:
         return folder
     temporary = _own_temporary_folder()
-    logger.warning("no place for caches in the home folder: %s is used (or set XDG_CACHE_HOME)", temporary)
+    logger.warning("the home folder has no writable cache folder; cortet uses %s (or set XDG_CACHE_HOME)", temporary)
     os.environ["XDG_CACHE_HOME"] = str(temporary)  # for Snakemake and its jobs, too
     return cache_folder()
 

@@ -15,7 +15,7 @@ import numpy as np
 from cortet.errors import InputError
 from cortet.geometry.closest_point import ClosestPoints, SurfaceTree, closest_points, tree_of
 from cortet.geometry.remembering import once_per_object
-from cortet.geometry.topology import enclosed_volume, face_normals, packed, vertex_normals
+from cortet.geometry.topology import enclosed_volume, face_normals, packed, unit_vectors, vertex_normals
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: a point with a barycentric weight below this lies on the opposite edge
@@ -41,7 +41,7 @@ def _require_same_space(surface: TriSurface, name: str, inner: TriSurface) -> No
     off = float(np.linalg.norm(finite @ apart[:3, :3].T + apart[:3, 3], axis=1).max(initial=0))
     if off > _SAME_SPACE:
         raise InputError(
-            f"the inner surface {name} is in another space than the surface: their files place equal coordinates up to "
+            f"the inner surface {name} is in a different space: the files place equal coordinates up to "
             f"{off:.1f} mm apart",
             remedy="export both in the same way, for example by mris_convert --to-scanner",
         )
@@ -106,8 +106,7 @@ def depths(tree: SurfaceTree, surface: TriSurface, points: FloatArray) -> tuple[
     """
     found = closest_points(tree, points)
     corners = _normals(surface).smooth[surface.faces[found.faces]]
-    normal = np.einsum("kc,kcj->kj", found.barycentric, corners)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    normal = unit_vectors(np.einsum("kc,kcj->kj", found.barycentric, corners))
     side = np.einsum("kj,kj->k", found.points - points, _pseudonormals(surface, found))
     return np.where(side >= 0, 1, -1) * found.distances, normal, found
 
@@ -127,8 +126,7 @@ class _Normals(NamedTuple):
 
 @once_per_object
 def _normals(surface: TriSurface) -> _Normals:
-    normal = face_normals(surface.points, surface.faces)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    normal = unit_vectors(face_normals(surface.points, surface.faces))
     smooth = vertex_normals(surface.points, surface.faces)
     return _Normals(normal, _across_edges(surface.faces), _angle_weighted(surface, normal), smooth)
 

@@ -111,7 +111,7 @@ def quadratic(mesh: TetMesh, surface: TriSurface, *, max_boundary_distance: floa
     touched = np.flatnonzero(shape.moved[of_cells].any(axis=1))
     least = jacobian_bounds(mesh.points[mesh.cells[touched]], middle[of_cells[touched]])
     if not least.min(initial=1.0) > 0:
-        raise StageError(f"an element would have a Jacobian determinant of {least.min():.3g}, must be above 0")
+        raise StageError(f"an element would have a Jacobian determinant of {least.min():.3g}, which is not above 0")
     return QuadraticMesh(
         points=np.concatenate([mesh.points, middle]),
         cells=np.concatenate([mesh.cells, of_cells + np.int32(len(mesh.points))], axis=1),
@@ -163,7 +163,7 @@ def _require_sound(mesh: TetMesh) -> None:
     if wrong := np.count_nonzero(~(_determinant(b - a, c - a, d - a) > 0)):
         raise InputError(
             f"{wrong} of {len(mesh.cells)} tetrahedra are flat or inverted",
-            remedy="`cortet certify` says where; mend them in the program that made the mesh",
+            remedy="`cortet certify` lists their locations; repair them in the program that made the mesh",
         )
     require_body(mesh)
 
@@ -171,15 +171,15 @@ def _require_sound(mesh: TetMesh) -> None:
 def _require_on_surface(mesh: TetMesh, walls: list[tuple[IntArray, TriSurface]], limit: float) -> None:
     """Raise InputError where nodes of the boundary or an interface are farther than `limit` mm from its surface."""
     if not 0 < limit < np.inf:
-        raise InputError(f"max_boundary_distance = {limit:g} is not a limit", remedy="give a number of mm above 0")
+        raise InputError(f"max_boundary_distance = {limit:g} is not above 0", remedy="give a distance in mm")
     for faces, target in walls:
         distances = closest_points(tree_of(target), mesh.points[np.unique(faces)]).distances
         if off := np.count_nonzero(distances > limit):
             raise InputError(
-                f"{off} of {len(distances)} nodes of the boundary are not on the surface, the farthest "
-                f"{distances.max():.3g} mm from it, must not exceed {limit:g} mm",
-                remedy="give the surface that was meshed, as `cortet mesh` writes it beside the mesh: "
-                "NAME.meshed.surf.gii; a smoothed one is another than the one that was read",
+                f"{off} of {len(distances)} boundary nodes are more than {limit:g} mm from the surface, the farthest "
+                f"{distances.max():.3g} mm",
+                remedy="give the meshed surface, NAME.meshed.surf.gii, which `cortet mesh` writes next to the mesh; "
+                "smoothing can make it differ from the input surface",
             )
 
 
@@ -188,8 +188,8 @@ def _require_banks_apart(mesh: TetMesh, surface: TriSurface) -> None:
     found = banks(boundary_surface(mesh)[0], surface)
     if found.least_share < LEAST_BANK_GAP:
         raise InputError(
-            f"two banks of the boundary are {found.gap_mm:.3g} mm apart at {place_mm(found.place_mm)}, where those "
-            f"of the surface are {found.surface_gap_mm:.3g} mm apart or more",
+            f"two banks of the boundary are {found.gap_mm:.3g} mm apart at {place_mm(found.place_mm)}, but those "
+            f"of the surface are at least {found.surface_gap_mm:.3g} mm apart",
             remedy="mesh it again with a smaller cell size",
         )
 

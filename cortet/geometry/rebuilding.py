@@ -44,11 +44,11 @@ def rebuilt(surface: TriSurface, spacing: float) -> tuple[TriSurface, float]:
     if shape.prod() > MOST_POINTS:
         raise InputError(
             f"a grid of {spacing:g} mm would have {shape.prod():,} points, more than {MOST_POINTS:,}",
-            remedy="set a larger repair.spacing",
+            remedy="increase repair.spacing",
         )
     depth = depths_on_grid(file, low, shape, spacing)
     if not (depth > 0).any():
-        raise InputError("the triangles enclose nothing", remedy="set a smaller repair.spacing, or export it again")
+        raise InputError("the triangles enclose nothing", remedy="decrease repair.spacing, or export the surface again")
     wound, ball = skin(depth), as_ball(depth, spacing)
     points, faces = wound if np.array_equal(ball, depth) else skin(ball)
     return TriSurface(low + spacing * points, faces), enclosed_volume(*wound) * spacing**3

@@ -1,11 +1,15 @@
-"""Results that are computed once per object and kept as long as the object lives."""
+"""Results that are computed once per object or mesh, and kept as long as it lives."""
 
 from __future__ import annotations
 
 import weakref
 from collections.abc import Callable
-from functools import wraps
-from typing import TypeVar
+from functools import update_wrapper, wraps
+from typing import Any, Generic, TypeVar
+
+from numpy.typing import NDArray
+
+from cortet.meshes import REGION, TetMesh
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -22,3 +26,42 @@ def once_per_object(function: Callable[[S], T]) -> Callable[[S], T]:
         return results[given]
 
     return remembered
+
+
+class OncePerCells(Generic[T]):
+    """Remembers a result for each (read-only) array of tetrahedra; meshes that differ only in their points share it."""
+
+    def __init__(self, function: Callable[..., T]) -> None:
+        """`function` takes a mesh, of which it must look at nothing but `arrays`, and numbers."""
+        self._function = function
+        self._results: dict[tuple[int, ...], T] = {}
+        update_wrapper(self, function)
+
+    def __call__(self, mesh: TetMesh, *numbers: int) -> T:
+        """The result of `function`, computed at the first call."""
+        key = (*map(id, self.arrays(mesh)), *numbers)
+        if key not in self._results:
+            self.remember(mesh, self._function(mesh, *numbers), *numbers)
+        return self._results[key]
+
+    def remember(self, mesh: TetMesh, result: T, *numbers: int) -> None:
+        """Store a result that the caller already knows."""
+        arrays = self.arrays(mesh)
+        key = (*map(id, arrays), *numbers)
+        self._results[key] = result
+        for array in arrays:
+            weakref.finalize(array, self._results.pop, key, None).atexit = False
+
+    @staticmethod
+    def arrays(mesh: TetMesh) -> list[NDArray[Any]]:
+        """The arrays that decide the result."""
+        return [mesh.cells]
+
+
+class OncePerRegions(OncePerCells[T]):
+    """Remembers a result for each mesh with regions; meshes that differ only in other fields or in sets share it."""
+
+    @staticmethod
+    def arrays(mesh: TetMesh) -> list[NDArray[Any]]:
+        """The arrays that decide the result."""
+        return [mesh.points, mesh.cells, mesh.cell_data[REGION]]

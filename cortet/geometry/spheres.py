@@ -39,7 +39,7 @@ def flaws(sphere: TriSurface) -> list[str]:
     ball = 4 / 3 * np.pi * RADIUS**3
     share = abs(enclosed_volume(of_one_radius(sphere).points, sphere.faces)) / ball
     if not _FULL[0] < share < _FULL[1]:
-        found.append(f"its triangles go around the origin {share:.2f} times")
+        found.append(f"its triangles cover the sphere {share:.2f} times")
     return found
 
 

@@ -6,11 +6,8 @@ faces) are computed on first use and kept as long as the mesh lives.
 
 from __future__ import annotations
 
-import weakref
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import update_wrapper
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +15,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from cortet.geometry.counting import behind_faces, cells_around
-from cortet.geometry.remembering import once_per_object
+from cortet.geometry.remembering import OncePerCells, once_per_object
 from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, TriSurface
 
 #: corners of the face opposite each corner of a tetrahedron, outward for positive volume
@@ -27,30 +24,6 @@ TET_FACES = np.array([[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]])
 TET_EDGES = np.array([[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]])
 #: the three directed edges of a triangle
 TRI_EDGES = np.array([[0, 1], [1, 2], [2, 0]])
-
-T = TypeVar("T")
-
-
-class OncePerCells(Generic[T]):
-    """Remembers a result for each (read-only) array of tetrahedra; meshes that differ only in their points share it."""
-
-    def __init__(self, function: Callable[[TetMesh], T]) -> None:
-        """`function` must look at nothing but the tetrahedra of a mesh."""
-        self._function = function
-        self._results: dict[int, T] = {}
-        update_wrapper(self, function)
-
-    def __call__(self, mesh: TetMesh) -> T:
-        """The result of `function`, computed at the first call."""
-        if id(mesh.cells) not in self._results:
-            self.remember(mesh, self._function(mesh))
-        return self._results[id(mesh.cells)]
-
-    def remember(self, mesh: TetMesh, result: T) -> None:
-        """Store a result that the caller already knows."""
-        key = id(mesh.cells)
-        self._results[key] = result
-        weakref.finalize(mesh.cells, self._results.pop, key, None).atexit = False
 
 
 class Incidence(NamedTuple):
@@ -346,8 +319,12 @@ def vertex_normals(points: FloatArray, faces: IntArray) -> FloatArray:
     total = np.stack(
         [np.bincount(faces.ravel(), np.repeat(normals[:, i], 3), minlength=len(points)) for i in range(3)], axis=1
     )
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    return np.divide(total, length, out=np.zeros_like(total), where=length > 0)
+    return unit_vectors(total)
+
+
+def unit_vectors(vectors: NDArray[Any]) -> FloatArray:
+    """Vectors (k, 3) scaled to unit length; vectors of length 0 stay as they are."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), np.finfo(float).tiny)
 
 
 def enclosed_volume(points: FloatArray, faces: IntArray) -> float:

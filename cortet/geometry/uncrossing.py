@@ -56,13 +56,13 @@ def uncrossed(work: Triangles, *, max_displacement: float, max_piece: float) -> 
     rest, number = self_intersections(as_surface(work)), 0
     while len(rest) and number < _REPLACINGS:
         around = within(work, work.faces[rest].ravel(), number // 2)
-        work = compacted(replaced(work, around, max_piece, f"{len(first)} triangles cross others"))
+        work = compacted(replaced(work, around, max_piece, f"{len(first)} triangles intersect others"))
         rest = self_intersections(as_surface(work))
         number += 1
     if len(rest):
         where = place_mm(work.points[work.faces[rest[0]]].mean(axis=0))
         raise InputError(
-            f"{len(first)} triangles cross others; {len(rest)} still do after repair, the first at {where}"
+            f"{len(first)} triangles intersect others; {len(rest)} still do after repair, the first at {where}"
         )
     displacement, place = _farthest(before, as_surface(work))
     return Uncrossed(work, centres, number > 0, displacement, place)

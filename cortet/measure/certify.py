@@ -70,7 +70,7 @@ from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound
 from cortet.meshes import FloatArray, TetMesh, TriSurface, require_measurable
 from cortet.version import __version__
 
-VERSION: int = 11
+VERSION: int = 12
 
 #: of the content of certificate.json; raised where a key changes its name or meaning
 SCHEMA = 2
@@ -192,7 +192,7 @@ def certify(
     for one in sheets(surface):
         require_measurable(one)
     if cell_size is not None and (length := float(np.ptp(surface.points, axis=0).max())) < cell_size:
-        what = f"the surface is {length:.3g} mm long, less than one cell of {cell_size:g} mm"
+        what = f"the surface is {length:.3g} mm long, shorter than one cell of {cell_size:g} mm"
         raise InputError(what, remedy="give coordinates in mm; if they are metres, multiply by 1000")
     if surface.inner:
         require_known_regions(mesh, surface)

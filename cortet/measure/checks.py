@@ -40,24 +40,24 @@ NAMES = {
     "open_edges": "boundary edges in one face only",
     "misoriented_edges": "boundary edges between inconsistently oriented faces",
     "meshing_topology": "topology problems after S1",
-    "crossing_faces": "boundary faces that cross others",
-    "bank_gap": "smallest gap between banks of the boundary, over that of the surface",
-    "node_distance": "distance of a boundary node to the surface, at most",
-    "face_centre_distance": "distance of the centre of a boundary face to the surface, at most",
-    "surface_distance": "distance of the surface to the boundary, at most",
-    "mean_surface_distance": "distance of the surface to the boundary, on average",
+    "crossing_faces": "intersecting boundary faces",
+    "bank_gap": "smallest gap between banks, relative to the gap of the surface",
+    "node_distance": "largest distance from a boundary node to the surface",
+    "face_centre_distance": "largest distance from the centre of a boundary face to the surface",
+    "surface_distance": "largest distance from the surface to the boundary",
+    "mean_surface_distance": "mean distance from the surface to the boundary",
     "area_change": "relative change of the area",
     "volume_change": "relative change of the volume",
-    "native_distance": "distance between the boundary and the native surface, at most",
-    "mean_native_distance": "distance between the boundary and the native surface, on average",
-    "native_area_change": "relative change of the area against the native surface",
+    "native_distance": "largest distance between the boundary and the native surface",
+    "mean_native_distance": "mean distance between the boundary and the native surface",
+    "native_area_change": "relative change of the area from the native surface",
     "region_tetrahedra": "tetrahedra of region {about}",
     "region_volume_change": "relative change of the volume of region {about}",
     "interface_topology": "topology problems of the interface {about}",
     "interface_misplaced_faces": "faces of the interface {about} that are not between {about} and {around}",
-    "interface_node_distance": "distance of a node of the interface {about} to its surface, at most",
-    "interface_surface_distance": "distance of the surface {about} to the interface, at most",
-    "interface_mean_surface_distance": "distance of the surface {about} to the interface, on average",
+    "interface_node_distance": "largest distance from a node of the interface {about} to its surface",
+    "interface_surface_distance": "largest distance from the surface {about} to the interface",
+    "interface_mean_surface_distance": "mean distance from the surface {about} to the interface",
     "interface_area_change": "relative change of the area of the interface {about}",
 }
 
@@ -249,7 +249,7 @@ def meshing_checks(report: Mapping[str, Any] | None, *, remedy: str) -> Iterator
 
 def boundary_checks(found: Fidelity, *, nodes: float | None, centres: float | None, remedy: str) -> Iterator[Check]:
     """How far the boundary is from the surface, mm."""
-    hold = "use `boundary: slide` in `clean` and `fixed` in `relocate`, or switch `snap` on"
+    hold = "use `boundary: slide` in `clean` and `fixed` in `relocate`, or enable `snap`"
     yield checked("node_distance", found.nodes_to_surface_mm.max, "<=", nodes, unit="mm", remedy=hold)
     far = found.face_centres_to_surface_mm.max
     yield checked("face_centre_distance", far, "<=", centres, unit="mm", remedy=remedy)

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,8 @@ from numpy.typing import NDArray
 from cortet.errors import InputError
 from cortet.geometry.columns import Columns, columns
 from cortet.geometry.nesting import parents
-from cortet.geometry.topology import TET_FACES, compact, edges, neighbours
+from cortet.geometry.remembering import OncePerRegions
+from cortet.geometry.topology import TET_FACES, compact, edges, neighbours, unit_vectors
 from cortet.measure.harmonic import harmonic
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, TriSurface, is_brain, region_names
@@ -26,6 +28,8 @@ from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, TriSurface, is_
 WHITE = "white"
 #: names of the fields
 COLUMN, THICKNESS, DEPTH, EQUIVOLUMETRIC = "column", "thickness_mm", "depth", "depth_equivolumetric"
+#: and their units
+UNITS = {COLUMN: "1", THICKNESS: "mm", DEPTH: "1", EQUIVOLUMETRIC: "1"}
 #: shortest column that is one, relative to the mean edge of the cortex
 _SHORTEST = 0.5
 
@@ -67,10 +71,9 @@ class Layers(NamedTuple):
     of_cells: dict[str, FloatArray]
     #: layer of each tetrahedron, 1 for the outermost: (m,) int32; 0 outside the cortex and where it has no layers
     number: IntArray
-    #: the tetrahedra of the cortex: (m,)
+    #: the tetrahedra of the cortex, and those that lie in several layers: (m,)
     cortex: NDArray[np.bool_]
-    #: layers that a tetrahedron reaches into: (m,) int32
-    reaches: IntArray
+    cut: NDArray[np.bool_]
 
 
 def require_layers(surface: TriSurface) -> None:
@@ -79,8 +82,8 @@ def require_layers(surface: TriSurface) -> None:
     where = names[parents(surface)[names.index(WHITE)]] if WHITE in names else None
     if where is None or not is_brain(where):
         found = f"{WHITE} is in {where}" if where else f"the regions are {', '.join(names)}"
-        remedy = f"name the white surface {WHITE}, with no other between it and the cortex; or leave the layers out"
-        raise InputError(f"layers lie between the cortex and an inner surface {WHITE}, and {found}", remedy=remedy)
+        remedy = f"name the white surface {WHITE}, with no other surface between it and the cortex, or omit the layers"
+        raise InputError(f"layers need an inner surface {WHITE} directly inside the cortex, but {found}", remedy=remedy)
 
 
 def cortex_and_white(mesh: TetMesh, inner: Iterable[str]) -> tuple[int, int] | None:
@@ -99,13 +102,13 @@ def cortex_and_white(mesh: TetMesh, inner: Iterable[str]) -> tuple[int, int] | N
 
 
 def bounds_of(layers: Sequence[float]) -> FloatArray:
-    """Equivolumetric depths between layers, rising, without 0 and 1.
+    """Equivolumetric depths between which layers lie, from 0 to 1.
 
     Parameters
     ----------
     layers : the share of the volume of each, the outermost first; their sum may be any number
     """
-    return np.cumsum(layers)[:-1] / np.sum(layers)
+    return np.concatenate([[0.0], np.cumsum(layers)[:-1] / np.sum(layers), [1.0]])
 
 
 def cortical_columns(mesh: TetMesh, inner: Iterable[str]) -> Cortex:
@@ -127,8 +130,15 @@ def cortical_columns(mesh: TetMesh, inner: Iterable[str]) -> Cortex:
     numbers = cortex_and_white(mesh, names)
     if numbers is None:
         what = f"the mesh has no cortex around {WHITE}, but the regions {', '.join(region_names(names))}"
-        raise InputError(what, remedy=f"mesh with an inner surface {WHITE} in the cortex, and without a hole there")
-    (cortex, white), region = numbers, mesh.cell_data[REGION]
+        remedy = f"mesh with an inner surface {WHITE} directly inside the cortex, and without a hole there"
+        raise InputError(what, remedy=remedy)
+    return _columns_between(mesh, *numbers)
+
+
+@OncePerRegions
+def _columns_between(mesh: TetMesh, cortex: int, white: int) -> Cortex:
+    """The columns of the region `cortex` around the region `white`."""
+    region = mesh.cell_data[REGION]
     mine = region == cortex
     points, cells, nodes = compact(mesh.points, mesh.cells[mine])
     wall = TetMesh(points, cells)
@@ -154,39 +164,51 @@ def cortical_layers(mesh: TetMesh, inner: Iterable[str], bounds: FloatArray) -> 
     Parameters
     ----------
     mesh, inner : as `cortical_columns`
-    bounds : equivolumetric depths between layers
+    bounds : of the layers, as `bounds_of` gives them
     """
     cortex = cortical_columns(mesh, inner)
+    of_nodes, of_cells = _fields(cortex)
+    cells, between = cortex.columns.wall.cells, bounds[1:-1]
+    layer = 1 + np.searchsorted(between, of_cells[EQUIVOLUMETRIC], side="right")
+    corners = of_nodes[EQUIVOLUMETRIC][cells]
+    first, last = (np.searchsorted(between, end, side="right") for end in (corners.min(axis=1), corners.max(axis=1)))
+    number, cut = np.zeros(len(mesh.cells), np.int32), np.zeros(len(mesh.cells), bool)
+    number[cortex.cells] = np.where(cortex.known[cells].all(axis=1), layer, 0)
+    cut[cortex.cells] = first < last
+    within = mesh.cell_data[REGION] >= cortex.white
+    deep = np.unique(mesh.cells[within])
+    return Layers(
+        {name: _everywhere(name, values, cortex.nodes, deep, len(mesh.points)) for name, values in of_nodes.items()},
+        {name: _everywhere(name, values, cortex.cells, within, len(mesh.cells)) for name, values in of_cells.items()},
+        number,
+        cortex.cells,
+        cut,
+    )
+
+
+def _fields(cortex: Cortex) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    """The fields at the nodes of the cortex, and at the centroids of its tetrahedra."""
     found, known, cells = cortex.columns, cortex.known, cortex.columns.wall.cells
-    per_length = np.divide(1, found.thickness, out=np.zeros(len(known)), where=found.thickness > 0)
-    fields = {
+    of_nodes = {
         COLUMN: np.where(known[:, None], found.direction, 0.0),
         THICKNESS: np.where(known, found.thickness, 0.0),
-        DEPTH: np.where(known, found.depth, 1 - found.phi),
-        EQUIVOLUMETRIC: np.where(known, found.depth_equivolumetric, 1 - found.phi),
     }
-    rises = {DEPTH: per_length, EQUIVOLUMETRIC: found.share_per_mm}  # of a depth, against the direction of a column
-    of_nodes, of_cells = {}, {}
-    within = mesh.cell_data[REGION] >= cortex.white
-    for name, values in fields.items():
-        deepest = float(name in rises)
-        at_nodes, at_cells = (np.zeros((len(every), *values.shape[1:])) for every in (mesh.points, mesh.cells))
-        at_nodes[np.unique(mesh.cells[within])] = deepest
-        at_cells[within] = deepest
-        at_nodes[cortex.nodes], at_cells[cortex.cells] = values, values[cells].mean(axis=1)
-        if name in rises:
-            slopes = np.where(known, -rises[name], 0.0)[:, None] * found.direction
-            at_cells[cortex.cells] = _at_centroids(found.wall, values, slopes).clip(0.0, 1.0)
-        of_nodes[name], of_cells[name] = at_nodes, at_cells
-    sizes = np.linalg.norm(of_cells[COLUMN], axis=1, keepdims=True)
-    of_cells[COLUMN] = np.divide(of_cells[COLUMN], sizes, out=of_cells[COLUMN], where=sizes > 0)
-    number, reaches = np.zeros(len(mesh.cells), np.int32), np.ones(len(mesh.cells), np.int32)
-    layer = 1 + np.searchsorted(bounds, of_cells[EQUIVOLUMETRIC][cortex.cells], side="right")
-    number[cortex.cells] = np.where(known[cells].all(axis=1), layer, 0)
-    corners = fields[EQUIVOLUMETRIC][cells]
-    first, last = (np.searchsorted(bounds, end, side="right") for end in (corners.min(axis=1), corners.max(axis=1)))
-    reaches[cortex.cells] = 1 + last - first
-    return Layers(of_nodes, of_cells, number, cortex.cells, reaches)
+    of_cells = {name: values[cells].mean(axis=1) for name, values in of_nodes.items()}
+    of_cells[COLUMN] = unit_vectors(of_cells[COLUMN])
+    for name in (DEPTH, EQUIVOLUMETRIC):
+        depth, slopes = found.depth(equivolumetric=name == EQUIVOLUMETRIC)
+        of_nodes[name] = np.where(known, depth, 1 - found.potential.phi)
+        slopes = np.where(known[:, None], slopes, 0.0)
+        of_cells[name] = _at_centroids(found.wall, of_nodes[name], slopes).clip(0.0, 1.0)
+    return of_nodes, of_cells
+
+
+def _everywhere(name: str, values: FloatArray, where: Any, within: Any, count: int) -> FloatArray:
+    """A field of the cortex on the entire mesh; a depth is 1 inside the white surface."""
+    every = np.zeros((count, *values.shape[1:]))
+    every[within] = float(name in (DEPTH, EQUIVOLUMETRIC))
+    every[where] = values
+    return every
 
 
 def _at_centroids(mesh: TetMesh, values: FloatArray, gradient: FloatArray) -> FloatArray:
@@ -207,14 +229,13 @@ def layer_records(mesh: TetMesh, inner: Iterable[str], layers: Sequence[float] |
     names = list(inner)
     if layers is None or cortex_and_white(mesh, names) is None:
         return ()
-    bounds = bounds_of(layers)
-    found = cortical_layers(mesh, names, bounds)
+    bounds = bounds_of(layers).tolist()
+    found = cortical_layers(mesh, names, np.array(bounds))
     volumes = signed_volumes(mesh.points, mesh.cells)
-    depths = [(0.0, 1.0), *zip([0.0, *bounds.tolist()], [*bounds.tolist(), 1.0], strict=True)]
     records = []
-    for number in (*range(1, len(depths)), 0):
+    for number, depth in (*enumerate(pairwise(bounds), start=1), (0, (0.0, 1.0))):
         mine = found.cortex & (found.number == number)
         if number or mine.any():
-            cut = float((found.reaches[mine] > 1).mean()) if mine.any() else 0.0
-            records.append(LayerRecord(number, depths[number], int(mine.sum()), float(volumes[mine].sum()) / 1000, cut))
+            cut = float(found.cut[mine].mean()) if mine.any() else 0.0
+            records.append(LayerRecord(number, depth, int(mine.sum()), float(volumes[mine].sum()) / 1000, cut))
     return tuple(records)

@@ -92,7 +92,7 @@ def require_known_regions(mesh: TetMesh, surface: TriSurface) -> None:
     """Raise InputError unless each tetrahedron has the number of a region between the surfaces of a nested one."""
     names, region = region_names(surface.inner), _region(mesh)
     known = ", ".join(f"{number} {name}" for number, name in enumerate(names, start=1))
-    remedy = f"number the regions as the surfaces do: {known}"
+    remedy = f"number the regions like the surfaces: {known}"
     if region.ndim != 1 or region.dtype.kind not in "biuf":
         what = (
             f"regions of the shape {region.shape} and the type {region.dtype} are not numbers, one for each tetrahedron"

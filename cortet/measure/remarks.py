@@ -62,11 +62,11 @@ def _coarse(regions: Sequence[RegionRecord], cell_size: float | None, layers: in
 
 def _layers(layers: Sequence[LayerRecord]) -> Iterator[str]:
     if not layers:
-        yield "no layers: no inner surface white lies directly in the cortex"
+        yield "no layers: there is no inner surface white directly inside the cortex"
         return
     cortex = sum(layer.volume_ml for layer in layers)
     if (none := sum(layer.volume_ml for layer in layers if not layer.number)) > _UNLAYERED * cortex:
-        yield f"{none / cortex:.0%} of the cortex has no layer: white is too near to the boundary, or they touch"
+        yield f"{none / cortex:.0%} of the cortex has no layer: there the white and the pial surface are too close"
     if empty := [str(layer.number) for layer in layers if not layer.tetrahedra]:
         yield f"layers without tetrahedra: {', '.join(empty)} (remedy: fewer layers, or a smaller cell size)"
 
@@ -78,11 +78,11 @@ def _gaps(reports: Mapping[str, Any], parameters: Mapping[str, Any]) -> Iterator
         share = exchanged / one["around_ml"]
         if share >= _EXCHANGED:
             yield (
-                f"{one['name']} gave way to the surface around it: {exchanged:.2f} mL, {share:.0%} "
-                f"of what is now between the two, was in {one['name']} (remedy: a smaller cell size or regions.min_gap)"
+                f"{one['name']} gave way to the surface around it: {exchanged:.2f} mL, {share:.0%} of the tissue "
+                f"between the two, was part of {one['name']} (remedy: a smaller cell size or regions.min_gap)"
             )
         if one["min_gap_mm"] < 0.99 * asked:
             yield (
-                f"{one['name']} keeps {one['min_gap_mm']:.2g} mm from the surface around it instead of {asked:.2g} mm: "
-                "with more, triangles cross"
+                f"{one['name']} keeps {one['min_gap_mm']:.2g} mm from the surface around it instead of {asked:.2g} mm, "
+                "because triangles would intersect at a larger distance"
             )

@@ -164,13 +164,13 @@ def _reason(
         if around.on_boundary[edge]:
             place = f"a boundary edge of opening angle {around.opening[edge]:.0f} degrees"
         count = "one tetrahedron" if around.valence[edge] == 1 else f"{around.valence[edge]} tetrahedra"
-        return f"{place} in {count} keeps q at {bound:.3f} or above, wherever vertices move", bound, "fan"
+        return f"{place} in {count} keeps q at {bound:.3f} or above wherever its vertices move", bound, "fan"
     width = _blade(mesh.points[nodes], normals[nodes], on_boundary[nodes], around.on_boundary[fan])
     if width is not None:
         return f"it spans two facing banks of the boundary, {width:.2f} mm apart", bound, "banks"
     if on_boundary[nodes].all():
         return "all four nodes lie on the boundary, where they can only slide", bound, "fan"
-    return "no edge of it is the cause: moving vertices further may improve it", bound, "nothing"
+    return "its connectivity is not the cause: moving vertices further may improve it", bound, "nothing"
 
 
 def _blade(

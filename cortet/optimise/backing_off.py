@@ -43,6 +43,6 @@ def back_off(
         offending = np.unique(cells[bad])
         if not share[offending].any():
             what = f"{np.count_nonzero(bad)} tetrahedra have no positive volume before any node moves"
-            raise StageError(what, remedy="turn them: `cortet improve` does")
+            raise StageError(what, remedy="use `cortet improve`, which turns inverted ones")
         share[offending] /= 2
         share[share < 0.5**HALVINGS] = 0

@@ -17,10 +17,10 @@ def require_sound(mesh: TetMesh, q: FloatArray) -> None:
     if not q.max() < 1:
         raise StageError(
             f"{np.count_nonzero(~(q < 1))} tetrahedra are flat or inverted before optimisation",
-            remedy="look at the report of the stage before",
+            remedy="see the report of the previous stage",
         )
     if folded := folded_faces(mesh):
         raise StageError(
-            f"tetrahedra overlap before optimisation: both those of {folded} faces are on one side of it",
-            remedy="look at the report of the stage before, or at the program that made the mesh",
+            f"tetrahedra overlap before optimisation: {folded} faces have both their tetrahedra on the same side",
+            remedy="see the report of the previous stage, or check the program that made the mesh",
         )

@@ -26,7 +26,10 @@ VERSION: int = 6
 #: names of more than four cases before a reason: the first three, and the others
 _MORE = re.compile(r"((?:sub-[\w-]+, ){3})((?:sub-[\w-]+, )+sub-[\w-]+): ")
 #: rise of the mean q by S4 from which a row explains it, and how
-_RISE, _WHY = 0.005, "mean q rises: S4 deforms what is around elements that only other connectivity (S4+) can mend"
+_RISE, _WHY = (
+    0.005,
+    "mean q rises: S4 deforms the surroundings of elements that only new connectivity (S4+) improves",
+)
 #: columns whose values, if any, are whole numbers
 _COUNTS = (
     *("meshes", "failed", "fallback", "wrong_topology", "tets_total"),

@@ -196,7 +196,7 @@ def inset(surface: TriSurface, thickness: float) -> TriSurface:
             raise InputError(
                 f"a cortex of {thickness:g} mm does not fit into a surface of {len(surface.points):,} vertices: "
                 f"{error.what}",
-                remedy="choose more subdivisions, a thinner cortex, or an earlier age",
+                remedy="use more subdivisions, a thinner cortex, or an earlier age",
             ) from error
         white = moved.inner["white"]
         rounder = white.points

@@ -34,7 +34,7 @@ DOES = {
 #: remedy of a job that left no message
 _KILLED = "give the job more memory or time, and run again"
 _READ_LOG = "read the log; it holds every line the job printed"
-_NOT_FINITE = "The coordinates of the surface are not finite, so it cannot be drawn."
+_NOT_FINITE = "cortet cannot draw the surface, because its coordinates are not finite."
 NOTHING: Mapping[str, str] = MappingProxyType({})
 #: entries of `ELEMENTS` at the top of the page
 _SIZE = ("Nodes", "Tetrahedra")
@@ -46,7 +46,7 @@ LAYER_COLUMNS = (
     Column("depth", "Depths between which it lies, 0 pial and 1 white", heading="equivolumetric depth"),
     Column("tetrahedra", "Number of its tetrahedra", heading="tetrahedra", form=",.0f"),
     Column("volume_ml", "Their volume", units="mL", heading="volume, mL", form=".3f"),
-    Column("cut", "Share of them that a bound of the layer passes through", heading="cut by a bound", form=".1%"),
+    Column("cut", "Fraction of them that lie partly in another layer", heading="in several layers", form=".1%"),
 )
 
 
@@ -176,7 +176,7 @@ def _panels(of: Checked) -> list[Panel]:
     view = boundary_view(of.mesh, certificate["worst_elements"])
     panels = [
         Panel("reasons", "Why it is not certified", [("points", reasons)] if reasons else []),
-        Panel("remarks", "What became of the surfaces", [("points", remarks)] if remarks else []),
+        Panel("remarks", "Remarks", [("points", remarks)] if remarks else []),
         Panel("sections", "Sections", _sections(of)),
         Panel("layers", "Layers of the cortex", _layers(of)),
         Panel("pictures", "Surface and mesh", _surface_and_mesh(of)),
@@ -186,9 +186,9 @@ def _panels(of: Checked) -> list[Panel]:
         Panel("verdict", "Verdict", [("verdict", [of_check(check) for check in certificate["checks"]])]),
         Panel("quality", "Element quality", _quality(of)),
         Panel("worst", "Worst elements", [("worst", {"of": certificate})]),
-        Panel("turn", "The boundary, to be turned", [("turned", {"view": view})]),
-        Panel("fidelity", "Distance to the surface that was meshed", [("fidelity", {"of": certificate})]),
-        Panel("record", "Where it comes from", [("record", {"of": certificate, "files": of.files})]),
+        Panel("turn", "The boundary in 3D", [("turned", {"view": view})]),
+        Panel("fidelity", "Distance to the meshed surface", [("fidelity", {"of": certificate})]),
+        Panel("record", "Provenance", [("record", {"of": certificate, "files": of.files})]),
     ]
     return [panel for panel in panels if panel.parts]
 
@@ -219,13 +219,13 @@ def _layers(of: Checked) -> list[Part]:
         }
         for layer in layers
     ]
-    inner, bounds = of.meshed.inner, np.array([layer["depth"][1] for layer in layers if layer["number"]][:-1])
-    table = pages.table("Layers, from the pial to the white surface", headed(LAYER_COLUMNS), rows)
+    inner, bounds = of.meshed.inner, np.array([0, *(layer["depth"][1] for layer in layers if layer["number"])])
+    table = pages.table("Layers from the pial to the white surface", headed(LAYER_COLUMNS), rows)
     return [table, *pictures.shown(lambda: pictures.of_layers(of.mesh, inner, bounds))]
 
 
 def _tissues(of: Checked) -> list[Part]:
-    return [pages.table("What of the mesh has each label", headed(TISSUE_COLUMNS), of.tissues)] if of.tissues else []
+    return [pages.table("Tetrahedra with each label", headed(TISSUE_COLUMNS), of.tissues)] if of.tissues else []
 
 
 def _resampled(of: Checked) -> list[Part]:

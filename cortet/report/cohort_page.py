@@ -31,8 +31,8 @@ _ORDER = ("failed", "unfinished", "uncertified", "certified", "excluded")
 
 
 _SHARE = (
-    "How far worst q is on its way from the median of the meshes of one cell size and mesher (0 %) to its limit "
-    f"(100 %); above {OUTLIER:.0%} a mesh is called an outlier"
+    "Position of the worst q between the median of the meshes of the same cell size and mesher (0 %) and its limit "
+    f"(100 %); a mesh above {OUTLIER:.0%} is an outlier"
 )
 #: columns that a mesh may have, and the columns that the page shows first
 COLUMNS = (
@@ -120,7 +120,7 @@ def write_cohort_page(
     tables = [Path(file) for part in more for file in part.files if file.endswith(".tsv")]
     files = [file.name for file in (status, *(quality or ()), *([tissues] if tissues else ()), *tables)]
     outliers = int((rows["outlying"] != "").sum())
-    older = [("note", f"A run began on {began} and has not ended: what is below is older.")] if began else []
+    older = [("note", f"A run began on {began} and has not ended. The results below are older.")] if began else []
     pages.write(
         path,
         f"{dataset}: all cases" if dataset else "All cases",

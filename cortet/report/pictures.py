@@ -56,7 +56,7 @@ def shown(draw: Callable[[], list[Picture]]) -> list[pages.Part]:
     try:
         return [("pictures", draw())]
     except StageError as error:
-        return [("note", f"Without pictures: {error}")]
+        return [("note", f"Pictures are missing: {error}")]
 
 
 def thumbnail(surface: TriSurface | None, hemi: Literal["L", "R"] | None) -> bytes:
@@ -80,9 +80,7 @@ def of_input(surface: TriSurface) -> list[Picture]:
 
 def of_mesh(mesh: TetMesh, meshed: TriSurface) -> list[Picture]:
     """The mesh cut open, and the surfaces that were meshed in the colours of their distance to it."""
-    cut = captioned(
-        cut_view(mesh), "Mesh, cut open halfway to the front", "each tetrahedron in the colour of its q", scaled=True
-    )
+    cut = captioned(cut_view(mesh), "Mesh, cut open halfway to the front", "tetrahedra coloured by q", scaled=True)
     boundary, _ = boundary_surface(mesh)
     return [cut, *_of_inner(mesh, meshed), *_by_distance(meshed, boundary, "Meshed surface", "the mesh")]
 
@@ -102,7 +100,7 @@ def of_sections(mesh: TetMesh, names: list[str]) -> list[Picture]:
 def of_layers(mesh: TetMesh, inner: Iterable[str], bounds: FloatArray) -> list[Picture]:
     """The coronal section through the middle of the mesh, its tetrahedra in the colours of their layers."""
     number = cortical_layers(mesh, inner, bounds).number
-    layers = colormaps["viridis_r"](np.linspace(0, 1, len(bounds) + 1))[:, :3]
+    layers = colormaps["viridis_r"](np.linspace(0, 1, len(bounds) - 1))[:, :3]
     colours = np.vstack([to_rgb(LIGHT_GREY), layers])[number]
     position = middle_of(mesh, "coronal")
     last = f", layer {len(layers)} violet" if len(layers) > 1 else ""
@@ -132,7 +130,7 @@ def _by_distance(surface: TriSurface, to: TriSurface, what: str, other: str, *, 
     darkest = float(distances.max())
     if red:
         darkest = max(darkest, _ROUNDED)
-    scale = f"by its distance to {other}, white at 0, {'red' if red else 'black'} at {darkest:.2g} mm"
+    scale = f"coloured by its distance to {other}, white at 0, {'red' if red else 'black'} at {darkest:.2g} mm"
     colours = "Reds" if red else "Greys"
     return [
         captioned(

@@ -17,7 +17,7 @@ def read_certificate(path: str | Path) -> dict[str, Any]:
     """Content of a certificate; InputError if it is damaged, or has no `schema` as those of the first versions."""
     content = certificate_of(path)
     if not content:
-        what = "is not a certificate of this version of cortet"
+        what = "is not a certificate from this version of cortet"
         raise InputError(what, file=path, remedy="delete it, and run the cohort again")
     return content
 

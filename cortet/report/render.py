@@ -279,7 +279,7 @@ def off_screen(size: tuple[int, int]) -> Iterator[pyvista.Plotter]:
         yield plotter
         plotter.close()
     except RuntimeError as error:
-        raise StageError(f"the picture could not be drawn: {error}", remedy="install libegl1 or libosmesa6") from error
+        raise StageError(f"cannot draw the picture: {error}", remedy="install libegl1 or libosmesa6") from error
 
 
 def lateral_view(

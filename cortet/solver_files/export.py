@@ -17,7 +17,7 @@ from cortet.formats.gifti import read_surface
 from cortet.formats.hashing import mesh_sha256
 from cortet.formats.ownership import final_name, may_write
 from cortet.formats.placement import UNITS
-from cortet.formats.surface_sets import CORTICAL_SURFACE, MEDIAL_WALL, OUTER_SURFACE, with_surface
+from cortet.formats.surface_sets import CORTICAL_SURFACE, INTERFACE, MEDIAL_WALL, OUTER_SURFACE, with_surface
 from cortet.geometry.filling import require_body
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
 from cortet.measure.quality import signed_volumes
@@ -72,7 +72,7 @@ def export(
     InputError
         a region lies in a hole, the format knows no holes, or a field has no real numbers
     StageError
-        the certificate is of another mesh, or the mesh is not certified or breaks a convention of solvers
+        the certificate is of a different mesh, or the mesh is not certified or breaks a convention of solvers
     """
     require_holes(holes, solver)
     require_certified(mesh, certificate, path, uncertified=uncertified)
@@ -88,10 +88,12 @@ def export(
 def require_certified(mesh: TetMesh, certificate: Mapping[str, Any], path: Path, *, uncertified: bool) -> None:
     """Raise StageError if a certificate is of another mesh, or if it fails the mesh and `uncertified` is false."""
     if certificate.get("mesh_sha256") not in (None, mesh_sha256(mesh)):
-        raise StageError("the certificate is of another mesh", file=final_name(path), remedy="certify this one first")
+        raise StageError(
+            "the certificate is of a different mesh", file=final_name(path), remedy="certify this one first"
+        )
     if not certificate["certified"] and not uncertified:
         raise StageError(
-            "not certified, so not exported: " + "; ".join(certificate["reasons"]),
+            "not exported, because the mesh is not certified: " + "; ".join(certificate["reasons"]),
             file=final_name(path),
             remedy="set export.uncertified: true to write it anyway",
         )
@@ -189,7 +191,7 @@ def convert(
         surface_nodes = boundary_nodes(mesh)
         if surface_nodes[-1] != len(surface_nodes) - 1:
             mesh = surface_nodes_first(mesh)[0]
-            done.append("nodes were renumbered, those of the surface first")
+            done.append("nodes were renumbered so that surface nodes come first")
         if not mesh.sets.faces:
             mesh, how = _with_face_sets(mesh)
             done.append(how)
@@ -219,7 +221,7 @@ def _in_mm(source: Path, record: Mapping[str, Any], unit: str | None) -> TetMesh
     """The mesh of a file in mm, without q; InputError if it cannot be one of a brain."""
     known = record.get("units", {}).get("coordinates")
     if unit and known and unit != known:
-        what = f"has coordinates in {known}, as its sidecar says, not in {unit}"
+        what = f"has coordinates in {known} according to its sidecar, not in {unit}"
         raise InputError(what, file=source, remedy="leave --source-unit out")
     stored = unit or known or ("um" if source.suffix == ".pts" else "mm")
     mesh = without_q(read_mesh(source, unit="mm"))
@@ -228,12 +230,12 @@ def _in_mm(source: Path, record: Mapping[str, Any], unit: str | None) -> TetMesh
     volumes = signed_volumes(mesh.points, mesh.cells)
     if wrong := int((volumes <= 0).sum()):
         what = f"{wrong} of its {len(volumes)} tetrahedra are inverted or have no volume"
-        raise InputError(what, file=source, remedy="`cortet improve` turns inverted ones, given the surface")
+        raise InputError(what, file=source, remedy="`cortet improve` turns inverted tetrahedra; it needs the surface")
     if unit is None and not record:
         try:
             require_size(np.ptp(mesh.points, axis=0), float(volumes.sum()) / 1000, option="--source-unit")
         except InputError as error:
-            remedy = f"{error.remedy}; --source-unit mm takes any size"
+            remedy = f"{error.remedy}; --source-unit mm accepts any size"
             raise InputError(error.what, file=source, remedy=remedy) from None
     return mesh
 
@@ -246,7 +248,7 @@ def _with_face_sets(mesh: TetMesh) -> tuple[TetMesh, str]:
     """
     own = mesh.sets
     if not own.nodes and not own.cells:
-        return named_sets(mesh), "it has no sets: the default ones were made"
+        return named_sets(mesh), "it has no sets, so cortet made the default sets"
     faces = boundary_faces(mesh)
     inside = {name: np.isin(faces, nodes).all(axis=1) for name, nodes in own.nodes.items()}
     wall = inside.get(MEDIAL_WALL, np.zeros(len(faces), bool))
@@ -255,7 +257,11 @@ def _with_face_sets(mesh: TetMesh) -> tuple[TetMesh, str]:
     made = {name: faces[chosen] for name, chosen in inside.items() if chosen.any()}
     nodes = own.nodes | {name: np.unique(made[name]) for name in (CORTICAL_SURFACE, MEDIAL_WALL) if name in made}
     cells = own.cells or named_sets(mesh).sets.cells
-    return replace(mesh, sets=MeshSets(nodes, made, cells)), "sets of faces were made of its sets of nodes"
+    lost = [name for name in nodes if name.endswith(INTERFACE) and name not in made]
+    how = "cortet made sets of faces from its sets of nodes"
+    if lost:
+        how += f", but none of {', '.join(lost)}, which lie inside the mesh"
+    return replace(mesh, sets=MeshSets(nodes, made, cells)), how
 
 
 def _source(field: Mapping[str, Any]) -> FieldSource:

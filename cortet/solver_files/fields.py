@@ -50,7 +50,7 @@ def with_fields(surface: TriSurface, files: Mapping[str, str | Path]) -> TriSurf
                 raise InputError(
                     f"{len(values)} values for {len(surface.points)} vertices",
                     file=file,
-                    remedy="give a field of this very surface",
+                    remedy="give a field of this surface",
                 )
             require_finite(values, f"the field {field}", file)
             fields[field] = values

@@ -52,8 +52,8 @@ def hollow(mesh: TetMesh, holes: Collection[str]) -> TetMesh:
     rest = part(mesh, keep)
     if len(np.unique(component_labels(rest.cells)[rest.cells[:, 0]])) != 1:
         raise InputError(
-            f"without {', '.join(removed)} the mesh is in several pieces",
-            remedy="also make the regions inside a hole holes",
+            f"the mesh falls into several pieces without {', '.join(removed)}",
+            remedy="also leave out the regions inside a hole",
         )
     nodes, faces = (
         {name: some for name, some in sets.items() if name.removesuffix(INTERFACE) not in removed}

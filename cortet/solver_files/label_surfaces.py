@@ -62,7 +62,7 @@ def inner_surfaces(
             made = {name: read_surface(file, finite=finite)}
         for own, surface in made.items():
             if own in found.surfaces:
-                raise InputError(f"two inner surfaces would be named {own}", file=file, remedy="use another name")
+                raise InputError(f"two inner surfaces would have the name {own}", file=file, remedy="use another name")
             found.surfaces[own], found.files[own] = surface, volume_file(file)
     return found
 
@@ -78,8 +78,8 @@ def with_shell(surface: TriSurface, distance: float, to_mm: Sequence[Sequence[fl
     """
     if taken := [name for name in surface.inner if is_brain(name)]:
         raise InputError(
-            f"a shell makes the surface the region {OUTERMOST}, but an inner surface is named {taken[0]}",
-            remedy="name the inner surface otherwise, or leave the shell out",
+            f"with a shell the surface bounds the region {OUTERMOST}, but an inner surface has the name {taken[0]}",
+            remedy="rename the inner surface, or omit the shell",
         )
     own = replace(surface, inner={})
     outer = envelope([placed(measurable(own), to_mm)], distance)
@@ -123,7 +123,7 @@ def surfaces_of_labels(
         raise InputError(
             f"label {labels} has {sum(specks)} voxels in {len(specks)} pieces, too few for a surface",
             file=Path(volume.file),
-            remedy="leave the surface out, or give a finer volume",
+            remedy="omit the surface, or give a finer volume",
         )
     names = [name] if len(parts) == 1 else [f"{name}{number}" for number in range(1, len(parts) + 1)]
     if any(mask.take(end, axis).any() for axis in range(3) for end in (0, -1)):
@@ -131,7 +131,7 @@ def surfaces_of_labels(
         logger.warning(what, volume.file or name, labels)
     told = [_told(own, part, labels) for own, part in zip(names, parts, strict=True)]
     if specks:
-        told.append(f"{name}: {len(specks)} pieces of at most {max(specks)} voxels are left out")
+        told.append(f"{name}: {len(specks)} pieces of at most {max(specks)} voxels were left out")
     return {own: part.surface for own, part in zip(names, parts, strict=True)}, told
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 
 from cortet.errors import InputError
 from cortet.geometry.containing import containing
-from cortet.measure.layers import Cortex, bounds_of, cortical_columns
+from cortet.measure.layers import cortical_columns
 from cortet.meshes import FloatArray
 from cortet.solver_files.surface_map import Located, SurfaceMap, ToSurface
 
@@ -34,25 +34,22 @@ class Laminar:
 
     def __init__(self, found: SurfaceMap, inner: Iterable[str], *, equivolumetric: bool = True) -> None:
         self._map, self._equivolumetric = found, equivolumetric
-        self._cortex: Cortex = cortical_columns(found.mesh, inner)
+        self._cortex = cortical_columns(found.mesh, inner)
         if not self._cortex.known.any():
-            raise InputError("no column leads through the cortex", remedy="mesh with smaller cells")
-        number = np.full(len(found.mesh.points), -1)
+            raise InputError("no column crosses the cortex", remedy="mesh with smaller cells")
+        number = np.full(len(found.mesh.points), -1, np.int32)
         number[self._cortex.nodes[self._cortex.known]] = np.flatnonzero(self._cortex.known)
-        weights = found.to_surface
-        whole = np.ones(len(found.points), bool)
-        rows = np.repeat(np.arange(len(found.points)), np.diff(weights.indptr))
-        whole[rows[number[weights.indices] < 0]] = False
-        kept = whole[rows]
-        self._vertices, self._weights = rows[kept], weights.data[kept]
-        self._nodes, self._column = np.unique(number[weights.indices[kept]], return_inverse=True)
+        mixed = found.to_surface.tocoo()
+        known = np.bincount(mixed.row, number[mixed.col] < 0, minlength=len(found.points)) == 0
+        kept = known[mixed.row]
+        self._vertices, self._weights = mixed.row[kept], mixed.data[kept]
+        self._nodes, self._column = np.unique(number[mixed.col[kept]], return_inverse=True)
 
     def points(self, depth: float) -> FloatArray:
         """Where the columns are at a depth, 0 at the pial and 1 at the white surface: (v, 3) mm, NaN without one."""
-        at = self._along(depth)[self._column] * self._weights[:, None]
         found = np.full((len(self._map.points), 3), np.nan)
         found[self._vertices] = 0.0
-        np.add.at(found, self._vertices, at)
+        np.add.at(found, self._vertices, self._along(depth)[self._column] * self._weights[:, None])
         return found
 
     def weights(self, first: float, last: float | None = None) -> ToSurface:
@@ -61,31 +58,15 @@ class Laminar:
         every = [self._located(depth) for depth in depths]
         return ToSurface(self._map, Located(*(np.concatenate(some) for some in zip(*every, strict=True))))
 
-    def layer(self, number: int, layers: Sequence[float]) -> ToSurface:
-        """What brings means over a layer to the vertices.
-
-        Parameters
-        ----------
-        number : of the layer, 1 for the outermost
-        layers : as `measure.layers.bounds_of`
-        """
-        ends = [0.0, *bounds_of(layers).tolist(), 1.0]
-        if not 0 < number < len(ends):
-            raise InputError(f"there is no layer {number}", remedy=f"name one of 1 to {len(ends) - 1}")
-        return self.weights(ends[number - 1], ends[number])
-
     def _along(self, depth: float) -> FloatArray:
         if not 0 <= depth <= 1:
-            raise InputError(f"{depth:g} is not a depth in the cortex", remedy="give one from 0, pial, to 1, white")
-        nodes = self._nodes.astype(np.int32)
-        return self._cortex.columns.at(nodes, depth, equivolumetric=self._equivolumetric)
+            raise InputError(f"{depth:g} is not a depth in the cortex", remedy="give a depth from 0, pial, to 1, white")
+        return self._cortex.columns.at(self._nodes, depth, equivolumetric=self._equivolumetric)
 
     def _located(self, depth: float) -> Located:
         """The point of each column, in a tetrahedron of the cortex, with the share that its vertex has in it."""
-        wall = self._cortex.columns.wall
-        cells, own = containing(wall, self._along(depth))
+        cells, own = containing(self._cortex.columns.wall, self._along(depth))
         cells, own = cells[self._column], own[self._column] * self._weights[:, None]
         held = cells >= 0
-        return Located(
-            self._vertices[held], np.flatnonzero(self._cortex.cells)[cells[held]].astype(np.int32), own[held]
-        )
+        in_mesh = np.flatnonzero(self._cortex.cells).astype(np.int32)
+        return Located(self._vertices[held], in_mesh[cells[held]], own[held])

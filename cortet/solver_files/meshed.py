@@ -99,7 +99,7 @@ def require_own_stem(
             else:
                 continue
             raise InputError(
-                f"would overwrite the certificate and the meshed surface of {other.name}, {differs}",
+                f"would overwrite the certificate and the meshed surface of {other.name}, which is {differs}",
                 file=mesh,
                 remedy="give another name, or delete the other mesh and its sidecar",
             )
@@ -189,12 +189,12 @@ def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) ->
         for region, file in files.items():
             if not file.is_file() or sha256(file) != record["meshed"][region]["sha256"]:
                 raise InputError(
-                    f"the surface that was meshed is missing, or not as the sidecar of {mesh.name} records it",
+                    f"the meshed surface is missing, or differs from the record in the sidecar of {mesh.name}",
                     file=file,
-                    remedy="put it back, or mesh the surface again",
+                    remedy="restore it, or mesh the surface again",
                 )
         given = files.pop(next(iter(files)))
         inner = files
     if given is None:
-        raise InputError("no sidecar says which surface was meshed", file=mesh, remedy="name the surface, too")
+        raise InputError("no sidecar records which surface was meshed", file=mesh, remedy="also name the surface")
     return nested(read_surface(given), {region: read_surface(file) for region, file in inner.items()}), given

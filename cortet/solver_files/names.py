@@ -41,7 +41,7 @@ def writable(mesh: TetMesh, solver: str) -> tuple[TetMesh, list[str]]:
     of_nodes, of_cells = map(plain, fields)
     made = replace(mesh, point_data=of_nodes, cell_data=of_cells, sets=sets)
     changes = [
-        f"{old} is called {new}"
+        f"{old} was renamed to {new}"
         for before, after in zip(_named(mesh), _named(made), strict=True)
         for old, new in zip(before, after, strict=True)
         if old != new
@@ -79,8 +79,8 @@ def left_out(mesh: TetMesh, back: TetMesh) -> list[str]:
         if before is mesh.sets.cells and after and _is_of_regions(mesh, CORE):
             lost = [name for name in lost if name != CORE]
         one = after and what in whats[3:]
-        why = "an element has one number, and is in one set" if one else f"the format has no {what}"
-        told += [f"left out, as {why}: {', '.join(lost)}"] if lost else []
+        why = "an element can be in only one set" if one else f"the format has no {what}"
+        told += [f"left out, because {why}: {', '.join(lost)}"] if lost else []
         volumes = [name for name in mesh.cell_data if any(one.startswith(f"{name}_") for one in lost)]
         if before is mesh.sets.cells and after and volumes:
             told.append(f"`cortet convert --tags {volumes[0]}` writes labels of {volumes[0]} in place of the regions")
@@ -104,7 +104,7 @@ def _real(name: str, values: NDArray[Any]) -> NDArray[Any]:
         what = (
             f"the field {name} has the shape {values.shape} and the type {values.dtype}, which no mesh file can store"
         )
-        raise InputError(what, remedy="give real numbers; for a complex field, its real part or modulus")
+        raise InputError(what, remedy="give real numbers, for example the real part or modulus of a complex field")
     kind = {"?": np.uint8, "e": np.float32, "g": np.float64}.get(values.dtype.char, values.dtype.newbyteorder("="))
     return (values.reshape(len(values), -1) if values.ndim > 2 else values).astype(kind, copy=False)
 

@@ -21,7 +21,6 @@ from cortet.formats.placement import UNITS
 from cortet.formats.set_arrays import holds_set
 from cortet.formats.untrusted import check_file, naming, safely_named, sound
 from cortet.formats.volumes import matrices
-from cortet.geometry.interpolation import is_label
 from cortet.geometry.topology import edges, used_vertices
 from cortet.meshes import IntArray, TetMesh
 from cortet.solver_files.fields import Q, with_q
@@ -65,13 +64,15 @@ def read_result(path: Path) -> Iterator[Step]:
     check_file(path)
     if path.suffix.lower() in _EXODUS:  # a block for each region, which PyVista tears apart; meshio reads one time
         raise InputError(
-            "is Exodus, which is not read", file=path, remedy="in ParaView, Merge Blocks, then save as PVD"
+            "is an Exodus file, which cortet does not read",
+            file=path,
+            remedy="in ParaView, Merge Blocks, then save as PVD",
         )
     with TemporaryDirectory(prefix="cortet-result-") as folder:
         done = child.run([sys.executable, "-P", result_reader.__file__, str(path.absolute()), folder])
         if done.returncode:
             said = (done.stderr.strip() or "no message").splitlines()[-1]
-            broke = f"its reader broke down ({signal.Signals(-done.returncode).name})" if done.returncode < 0 else said
+            broke = f"its reader crashed ({signal.Signals(-done.returncode).name})" if done.returncode < 0 else said
             raise InputError(
                 f"cannot be read as a result: {broke}",
                 file=path,
@@ -106,7 +107,7 @@ def in_order(result: TetMesh, mesh: TetMesh, *, file: Path, mesh_file: Path) -> 
     unit = next((name for name, mm in UNITS.items() if abs(ratio / mm - 1) < _SAME_EXTENT), None)
     if unit is None:
         raise _of_another(f"is {own / extent:.4g} times as large as {mesh_file.name}", file)
-    told = [] if unit == "mm" else [f"its coordinates are in {unit}; values stay as they are"]
+    told = [] if unit == "mm" else [f"its coordinates are in {unit}; values are unchanged"]
     points = points * UNITS[unit]
     ends = mesh.points[edges(mesh.cells)]
     most = _SAME_NODE * float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).min())
@@ -118,7 +119,7 @@ def in_order(result: TetMesh, mesh: TetMesh, *, file: Path, mesh_file: Path) -> 
         if len(away := np.flatnonzero(distances > most)) or len(np.unique(place)) < len(place):
             what = f"lacks {len(away):,} nodes of {mesh_file.name}, the farthest is {distances.max():.3g} mm away"
             raise _of_another(what, file)
-        told.append("its nodes are in another order; they were matched by position")
+        told.append("its nodes have another order; cortet matched them by position")
     nodes = used[place]
     return Order(nodes.astype(np.int32), _cells_in_order(result.cells, nodes, mesh), told)
 
@@ -127,7 +128,7 @@ def _of_another(what: str, file: Path) -> InputError:
     return InputError(
         f"is not a result on this mesh: it {what}",
         file=file,
-        remedy="name the mesh that the solver ran on; write its results at the positions before it moved",
+        remedy="name the mesh that the solver used, and write results on the undeformed mesh",
     )
 
 
@@ -149,8 +150,6 @@ class OnSurface(NamedTuple):
 
     #: name -> (v,), NaN where there is no value
     fields: dict[str, NDArray[np.float64]]
-    #: names of those that are labels
-    labels: set[str]
     #: what was seen, in words
     told: list[str]
 
@@ -173,7 +172,7 @@ def on_surface(steps: Iterable[Step], weights: ToSurface, *, file: Path, mesh_fi
     told: dict[str, None] = {}  # an ordered set
     if missing := int((np.diff(weights.nodes.indptr) == 0).sum()):
         what = "outside the mesh, or without a column of the cortex"
-        told[f"{missing:,} vertices have no value, NaN: they are {what}"] = None
+        told[f"{missing:,} vertices have no value (NaN): they are {what}"] = None
     for given in steps:
         step = _as_it_began(given, mesh)
         if order is None or last is None or not _same_mesh(step.mesh, last):
@@ -184,14 +183,14 @@ def on_surface(steps: Iterable[Step], weights: ToSurface, *, file: Path, mesh_fi
         done.append(_of_step(last, order, mesh, weights))
         told |= dict.fromkeys(done[-1].told)
     if not any(one.fields for one in done):
-        raise InputError("holds no field of numbers", file=file, remedy="let the solver write one")
+        raise InputError("has no numeric field", file=file, remedy="make the solver write one")
     endings = _endings(times)
     if len(set(endings)) < len(endings):
-        told["several steps are of one time: names end in the number of the step, from 0"] = None
+        told["several steps have the same time; names end in the step number, from 0"] = None
         endings = [f"_{number}" for number in range(len(times))]
-    ended = list(zip(endings, done, strict=True))
+    ended = zip(endings, done, strict=True)
     fields = {name + ending: values for ending, one in ended for name, values in one.fields.items()}
-    return OnSurface(fields, {name + ending for ending, one in ended for name in one.labels}, list(told))
+    return OnSurface(fields, list(told))
 
 
 def _of_step(step: TetMesh, order: Order, mesh: TetMesh, weights: ToSurface) -> OnSurface:
@@ -204,9 +203,9 @@ def _of_step(step: TetMesh, order: Order, mesh: TetMesh, weights: ToSurface) -> 
         if Q in by_cell and np.array_equal(by_cell[Q], with_q(mesh).cell_data[Q]):
             del by_cell[Q]
     elif step.cell_data:
-        told.append("its tetrahedra are not those of the mesh: fields of elements are left out")
+        told.append("its tetrahedra differ from those of the mesh; fields of elements are left out")
     if both := sorted(nodal.keys() & by_cell.keys()):
-        told.append(f"{', '.join(both)}: also of elements, left out")
+        told.append(f"{', '.join(both)}: the fields of elements with these names are left out")
     sets = {*mesh.sets.nodes, *mesh.sets.faces, *mesh.sets.cells}
     given = {name: values for name, values in {**by_cell, **nodal}.items() if name not in sets and not holds_set(name)}
     there = {
@@ -214,12 +213,11 @@ def _of_step(step: TetMesh, order: Order, mesh: TetMesh, weights: ToSurface) -> 
         for name, values in given.items()
     }
     own = in_components(there, {1})
-    labels = in_components({name: values for name, values in there.items() if is_label(given[name])}, {1})
     tensors, lines = _of_tensors(there)
     if taken := sorted(own.keys() & tensors.keys()):
-        told.append(f"{', '.join(taken)}: fields of the result; those of its tensors end in a number")
+        told.append(f"{', '.join(taken)}: the result has these fields, so names of tensor components end in a number")
     named = safely_named([*own.items(), *tensors.items()])
-    return OnSurface({name: values.ravel() for name, values in named.items()}, set(labels), [*told, *lines])
+    return OnSurface({name: values.ravel() for name, values in named.items()}, [*told, *lines])
 
 
 def _endings(times: Sequence[float | None]) -> list[str]:
@@ -258,7 +256,7 @@ def _of_tensors(fields: Mapping[str, NDArray[np.float64]]) -> tuple[dict[str, ND
         tensors = matrices(values) if width == 6 else values.reshape(-1, 3, 3)
         turned = np.swapaxes(tensors, 1, 2)
         if np.nanmax(np.abs(tensors - turned), initial=0) > _ASYMMETRY * np.nanmax(np.abs(tensors), initial=0):
-            told.append(f"{name} is not symmetric: no principal values")
+            told.append(f"{name} is not symmetric, so it has no principal values")
             continue
         if width == 6:
             told.append(f"{name} is read as xx, yy, zz, xy, yz, xz")

@@ -135,8 +135,7 @@ def with_layers(mesh: TetMesh, inner: Sequence[str], layers: Sequence[float]) ->
     bounds = bounds_of(layers)
     found = cortical_layers(mesh, inner, bounds)
     sets = {
-        f"{LAYER}{number}": np.flatnonzero(found.number == number).astype(np.int32)
-        for number in range(1, len(bounds) + 2)
+        f"{LAYER}{number}": np.flatnonzero(found.number == number).astype(np.int32) for number in range(1, len(bounds))
     }
     _require_free({**mesh.point_data, **mesh.cell_data}, found.of_nodes, "field")
     of_nodes, of_cells = {**mesh.point_data, **found.of_nodes}, {**mesh.cell_data, **found.of_cells}
@@ -146,8 +145,8 @@ def with_layers(mesh: TetMesh, inner: Sequence[str], layers: Sequence[float]) ->
 def _require_free(names: Collection[str], layers: Collection[str], what: str) -> None:
     """Raise InputError if the layers would replace a field or set of the mesh."""
     if taken := sorted({*names} & {*layers}):
-        said = f"the mesh has a {what} {taken[0]}, and so have its layers"
-        raise InputError(said, remedy=f"give the {what} another name, or leave the layers out")
+        said = f"the mesh already has a {what} {taken[0]}, which layers would replace"
+        raise InputError(said, remedy=f"give the {what} another name, or omit the layers")
 
 
 def tagged(mesh: TetMesh, field: str) -> TetMesh:
@@ -191,10 +190,10 @@ def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
         what = (
             f"there is no set {missing[0]}"
             if missing
-            else f"{np.count_nonzero(region == 0)} tetrahedra are in none of the sets {', '.join(names)}"
+            else f"{np.count_nonzero(region == 0)} tetrahedra are not in any of the sets {', '.join(names)}"
         )
         raise InputError(
-            f"its regions are not known: {what} (it has: {', '.join(sets) or 'none'})",
+            f"cannot tell its regions: {what} (it has: {', '.join(sets) or 'none'})",
             remedy="give a mesh that was made with these inner surfaces",
         )
     return replace(mesh, cell_data={**mesh.cell_data, REGION: region})
@@ -291,4 +290,4 @@ def _is_label(values: NDArray[np.generic]) -> bool:
 
 
 def _known(fields: Collection[str]) -> str:
-    return f"name one of {', '.join(fields)}" if fields else "carry the field to the mesh first"
+    return f"name one of {', '.join(fields)}" if fields else "transfer the field to the mesh first"

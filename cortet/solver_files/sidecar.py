@@ -22,13 +22,14 @@ from cortet.formats.surface_sets import with_surface
 from cortet.formats.tags import face_tags, regions
 from cortet.formats.untrusted import by_library, content
 from cortet.geometry.topology import boundary_faces, face_areas
+from cortet.measure.layers import UNITS
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, TetMesh, TriSurface
 from cortet.solver_files.fields import FieldSource
 from cortet.stages.transfer import THICKNESS
 
 #: message for a file that differs from what its sidecar records
-CHANGED = "changed after cortet wrote it: no certificate beside it is of it (a file of it is another one, or missing)"
+CHANGED = "changed after cortet wrote it, so its certificate does not apply (one of its files differs or is missing)"
 
 
 def sidecar_path(path: Path) -> Path:
@@ -84,8 +85,11 @@ def sidecar(
             },
         }
     faces = boundary_faces(content) if isinstance(content, TetMesh) else content.faces
-    known = sources or {}
-    fields = {name: _field(name, values, known.get(name), interior) for name, values in content.point_data.items()}
+    known, units = sources or {}, {THICKNESS: "mm", **(UNITS if (made_from or {}).get("layers") else {})}
+    fields = {
+        name: _field(values, known.get(name), units.get(name, "unknown"), interior)
+        for name, values in content.point_data.items()
+    }
     return record | {
         "boundary_faces": len(faces),
         "surface_area_mm2": float(face_areas(content.points, faces).sum()),
@@ -159,14 +163,14 @@ def changed_since(path: Path) -> bool:
     return any(not file.is_file() or sha256(file) != digest for file, digest in beside.items())
 
 
-def _field(name: str, values: NDArray[Any], source: FieldSource | None, interior: str | None) -> dict[str, Any]:
-    """Record of a field."""
+def _field(values: NDArray[Any], source: FieldSource | None, units: str, interior: str | None) -> dict[str, Any]:
+    """Record of a field; `units` are those of a field without a source."""
     kind = source.kind if source else "unknown"
     within = "unknown" if source is None or interior is None else "nearest" if kind == "label" else interior
     boundary = {"label": "label of the largest barycentric weight", "scalar": "barycentric", "unknown": "unknown"}
     return {
         "components": int(values[0].size) if len(values) else 1,
-        "units": source.units if source else "mm" if name == THICKNESS else "unknown",
+        "units": source.units if source else units,
         "kind": kind,
         "source": source.file if source else "",
         "source_sha256": source.sha256 if source else "",

@@ -235,9 +235,9 @@ def map_of_file(path: Path, mesh: TetMesh, surface: Path | None = None) -> tuple
     """
     if changed_since(path):
         raise InputError(
-            "was changed after cortet wrote it, so its surface is not known",
+            "was changed after cortet wrote it, so its surface is unknown",
             file=path,
-            remedy="put the mesh of its sidecar back, or delete the sidecar and name the surface (--surface)",
+            remedy="restore the mesh, or delete its sidecar and name the surface (--surface)",
         )
     record = read_sidecar(path).get("made_from") or {}
     given = record.get("given") or {}
@@ -260,13 +260,13 @@ def map_of_file(path: Path, mesh: TetMesh, surface: Path | None = None) -> tuple
     others = found.distances[~found.kept & np.isfinite(found.distances)]
     if len(others) and np.median(others) > _FAR_MM:
         raise InputError(
-            f"is not the surface of {path.name}: half of its vertices are over {np.median(others):.1f} mm away",
+            f"is not the surface of {path.name}: half of its vertices are more than {np.median(others):.1f} mm away",
             file=file,
             remedy="name the surface that the mesh was made from, in mm",
         )
     matched = [f"{found.kept.sum():,} of {len(found.kept):,} vertices by their number"] if found.kept.any() else []
     if matched and (far := np.nanmedian(found.distances[found.kept])) > _FAR_MM:  # an inflated one, or another brain
-        matched.append(f"though half of these are over {far:.1f} mm away")
+        matched.append(f"although half of them are more than {far:.1f} mm away")
     if len(others):
         matched.append(f"{len(others):,} by the closest point, at most {others.max():.2f} mm away")
     return found, file, ", ".join(matched)
@@ -275,16 +275,16 @@ def map_of_file(path: Path, mesh: TetMesh, surface: Path | None = None) -> tuple
 def _given_file(mesh: Path, given: Mapping[str, Mapping[str, str]]) -> Path:
     """The file of the outermost surface that a mesh was made from, which must be as it was then."""
     if not given:
-        raise InputError("no sidecar says which surface it was made from", file=mesh, remedy="name it with --surface")
+        raise InputError("no sidecar records the surface it was made from", file=mesh, remedy="name it with --surface")
     one = next(iter(given.values()))
     file = mesh.parent / one["file"]
     if is_volume(str(file)):
         raise InputError("holds labels, not a surface", file=file, remedy="name a surface with --surface")
     if not file.is_file() or input_sha256(file) != one["sha256"]:
         raise InputError(
-            f"is missing, or not as the sidecar of {mesh.name} records it",
+            f"is missing, or differs from the record in the sidecar of {mesh.name}",
             file=file,
-            remedy="put it back, or name the surface with --surface",
+            remedy="restore it, or name the surface with --surface",
         )
     return file
 
@@ -302,7 +302,7 @@ def _faces_of(mesh: TetMesh, number: int) -> tuple[TriSurface, IntArray]:
         surface, nodes = TriSurface(surface.points[used], place[faces]), nodes[used]
     if not len(surface.faces):
         raise InputError(
-            f"the mesh has no faces of surface {number}", remedy="name a region whose border is in the mesh"
+            f"the mesh has no faces of surface {number}", remedy="name a region whose surface is part of the mesh"
         )
     return surface, nodes
 

@@ -24,7 +24,8 @@ from cortet.formats.ownership import record_of
 from cortet.formats.surface_sets import members, sides, with_surface
 from cortet.formats.tags import face_tags, region_numbers, regions
 from cortet.geometry.quadratic import EDGES, QuadraticMesh
-from cortet.geometry.topology import TRI_EDGES, boundary_nodes
+from cortet.geometry.topology import TRI_EDGES, boundary_nodes, unit_vectors
+from cortet.measure.layers import COLUMN
 from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
 from cortet.solver_files.names import held, left_out, writable
 
@@ -71,11 +72,19 @@ def record(curved: QuadraticMesh) -> dict[str, Any]:
     return counts | {name: value for name, value in asdict(curved).items() if name not in arrays}
 
 
-def with_middles(curved: QuadraticMesh, values: NDArray[Any]) -> NDArray[Any]:
-    """A field of corners (n, ...) on all nodes: numbers are averaged, a label is that of the edge's first end."""
-    first, second = (values[curved.ends[:, end]] for end in (0, 1))
-    middle = first if np.issubdtype(values.dtype, np.integer) else (first + second) / 2
-    return np.concatenate([values, middle])
+def with_middles(mesh: TetMesh, curved: QuadraticMesh) -> dict[str, NDArray[Any]]:
+    """The fields of corners on all nodes: numbers are averaged, a label is that of the edge's first end.
+
+    The directions of columns stay unit vectors.
+    """
+    fields = {}
+    for name, values in mesh.point_data.items():
+        first, second = (values[curved.ends[:, end]] for end in (0, 1))
+        middle = first if np.issubdtype(values.dtype, np.integer) else (first + second) / 2
+        if name == COLUMN and values.ndim == 2:
+            middle = unit_vectors(middle)
+        fields[name] = np.concatenate([values, middle])
+    return fields
 
 
 def node_sets(mesh: TetMesh, curved: QuadraticMesh) -> dict[str, IntArray]:
@@ -110,15 +119,15 @@ def _write_abaqus(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Pa
 
 def _write_febio(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path) -> None:
     faces = {name: _six_nodes(mesh, curved, three) for name, three in sets.faces.items()}
-    fields = {name: with_middles(curved, values) for name, values in mesh.point_data.items()}
-    febio.write_elements(mesh, curved.points, curved.cells, sets.nodes, faces, fields, path)
+    of_nodes = with_middles(mesh, curved)
+    febio.write_elements(mesh, curved.points, curved.cells, sets.nodes, faces, of_nodes, path)
 
 
 def _by_meshio(file_format: str) -> Writer:
     """Writer of a format that meshio knows: fields, and sets as arrays of 0 and 1."""
 
     def write(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path) -> None:
-        of_nodes = {name: with_middles(curved, values) for name, values in mesh.point_data.items()}
+        of_nodes = with_middles(mesh, curved)
         of_nodes |= {f"node_set_{name}": members(len(curved.points), nodes) for name, nodes in sets.nodes.items()}
         of_cells: dict[str, list[NDArray[Any]]] = {REGION: [region_numbers(mesh)]}
         of_cells |= {f"cell_set_{name}": [members(len(curved.cells), part)] for name, part in sets.cells.items()}
@@ -141,7 +150,7 @@ def _write_gmsh(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path
     content = meshio.Mesh(
         curved.points,
         cells,
-        point_data={name: with_middles(curved, values) for name, values in mesh.point_data.items()},
+        point_data=with_middles(mesh, curved),
         cell_data={"gmsh:physical": groups, "gmsh:geometrical": groups},
         field_data={name: np.array([tag, dim]) for dim, tags in numbers.items() for name, tag in tags.items()},
     )

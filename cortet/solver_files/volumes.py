@@ -20,6 +20,7 @@ from cortet.geometry.coverage import Coverage, coverage
 from cortet.geometry.limits import NAME
 from cortet.geometry.mending import measurable
 from cortet.geometry.nesting import joined
+from cortet.geometry.remembering import once_per_object
 from cortet.geometry.voxels import in_voxels, labels_inside, means_inside
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import REGION, CoordinateFrame, FloatArray, IntArray, TetMesh, TriSurface, is_brain
@@ -52,12 +53,12 @@ TISSUE_COLUMNS = (
     Column("volume", "Name of the volume", heading="volume"),
     Column("kind", "What its voxels hold: labels, numbers or tensors"),
     Column("label", "Label; n/a for numbers and tensors, whose row is about all tetrahedra", heading="label"),
-    Column("name", "Name of the label, by the lookup table of the volume", heading="name"),
+    Column("name", "Name of the label in the lookup table of the volume", heading="name"),
     Column("tetrahedra", "Number of tetrahedra with this label", heading="tetrahedra", form=",.0f"),
     Column("volume_ml", "Their volume", units="mL", heading="volume, mL", form=".3f"),
     Column("q_max", "Largest q among them", heading="worst q", form=".3f"),
     Column("share", "Mean share of the label inside them, weighted by volume", heading="share inside", form=".3f"),
-    Column("without_value", "Tetrahedra where the volume has no value, which have that of the nearest voxel"),
+    Column("without_value", "Tetrahedra where the volume has no value; they get the value of the nearest voxel"),
     Column(
         "background",
         "Fraction of the brain where the volume is 0 or has no value",
@@ -100,33 +101,35 @@ def _volume(name: str, given: Any) -> Volume:
         return read_named(str(given))
     if hasattr(given, "affine") and hasattr(given, "dataobj"):  # nibabel's SpatialImage
         return volume_of(given)
-    what = f"the volume {name} is a {type(given).__name__}, which does not say where its voxels are"
+    what = f"the volume {name} is a {type(given).__name__}, which does not state the location of its voxels"
     raise InputError(what, remedy="give a file, or an image of NiBabel")
 
 
-def require_in_place(volumes: Mapping[str, Volume], surface: TriSurface) -> None:
-    """Raise InputError if a volume does not cover a brain, or its labels lie beside it.
+def require_in_place(volumes: Mapping[str, Volume], surface: TriSurface) -> dict[str, Coverage]:
+    """Raise InputError if a volume does not cover a brain, or its labels lie beside it; else the coverage by labels.
 
     Parameters
     ----------
     surface : of the brain, or with brains inside it; in mm, in its frame; coordinates need not be finite
     """
-    brain = _brain(surface)
-    for volume in volumes.values():
+    brain, covered = _brain(surface) if volumes else surface, {}
+    for name, volume in volumes.items():
         _require_cover(volume, brain.points)
         if volume.kind == "labels":
-            _require_on(volume, brain)
+            covered[name] = _require_on(volume, brain)
+    return covered
 
 
 def backgrounds(volumes: Mapping[str, Volume], surface: TriSurface) -> list[Background]:
     """How much of a brain lies in the background of each volume; a warning is logged where it is large.
 
-    Parameters are those of `require_in_place`, which was called before.
+    Parameters and errors are those of `require_in_place`.
     """
-    brain = _brain(surface) if volumes else surface
-    return [_background(name, volume, brain) for name, volume in volumes.items()]
+    covered, brain = require_in_place(volumes, surface), _brain(surface) if volumes else surface
+    return [_background(name, volume, covered.get(name) or _covered(volume, brain)) for name, volume in volumes.items()]
 
 
+@once_per_object
 def _brain(surface: TriSurface) -> TriSurface:
     """The brain of a surface, or the brains inside it, in the space of volumes."""
     inside = [one for name, one in surface.inner.items() if is_brain(name)] or [surface]
@@ -161,8 +164,8 @@ def with_volumes(
     rows: list[dict[str, Any]] = []
     for name, volume in volumes.items():
         if name in mesh.point_data or name in mesh.cell_data:
-            what = f"the mesh has a field {name} already"
-            raise InputError(what, file=volume.file, remedy="name the volume otherwise")
+            what = f"the mesh already has a field {name}"
+            raise InputError(what, file=volume.file, remedy="give the volume another name")
         bare = next((one.fraction for one in background if one.volume == name), None)
         about = {"volume": name, "kind": volume.kind, "background": bare}
         if volume.kind == "labels":
@@ -240,36 +243,40 @@ def _require_cover(volume: Volume, points: FloatArray) -> None:
     )
     remedy = "give a volume of this brain, in the space of the surface"
     if beyond(points * _LPS).max() <= widths.max():
-        remedy = "it lies inside with x and y reversed: is the surface in LPS? write it in RAS"
+        remedy = "the surface fits if x and y are reversed: if it is in LPS, convert it to RAS"
     raise InputError(what, file=volume.file, remedy=remedy)
 
 
-def _require_on(volume: Volume, surface: TriSurface) -> None:
+def _require_on(volume: Volume, surface: TriSurface) -> Coverage:
     """Raise InputError if labels lie beside the inside of a surface, but would cover it from another position."""
-    found = coverage(surface, volume.values != 0, volume.affine)
+    found = _covered(volume, surface)
     enough = max(found.here + _GAIN, _NEARLY * found.possible)
     best = max(found.flipped.values())
     flipped = best >= enough and best >= found.shifted - _GAIN
     moved = found.shifted >= enough and np.linalg.norm(found.shift) > volume.voxel
     if not (flipped or moved or not found.here):
-        return
+        return found
     turned = replace(surface, points=surface.points * _LPS)  # the way round of its triangles stays
-    share = coverage(turned, volume.values != 0, volume.affine).here
+    share = _covered(volume, turned).here
     by_one_axis = max(share for axes, share in found.flipped.items() if len(axes) == 1)
-    better = "none if they were moved or reversed"
+    better = "no shift or flip improves that"
     if share >= max(enough, by_one_axis + _GAIN):
-        better = f"{share:.0%} with x and y of the surface reversed: is the surface in LPS? write it in RAS"
+        better = f"{share:.0%} with x and y of the surface reversed: if it is in LPS, convert it to RAS"
     elif flipped:
-        better = f"{_reversed(found)}: is it flipped? export it again with its own affine"
+        better = f"{_reversed(found)}: if the volume is flipped, export it again with its own affine"
     elif moved:
-        better = f"{found.shifted:.0%} if they were moved by {place_mm(found.shift)}: is it shifted?"
+        better = f"{found.shifted:.0%} if shifted by {place_mm(found.shift)}: check whether the volume is shifted"
     what = f"its labels cover {found.here:.0%} of the surface's inside, and {better}"
     raise InputError(what, file=volume.file, remedy="give a volume of this brain, in the space of the surface")
 
 
-def _background(name: str, volume: Volume, surface: TriSurface) -> Background:
+def _covered(volume: Volume, surface: TriSurface) -> Coverage:
+    """How much of the inside of a surface has a label, or a number other than 0."""
     values = volume.values if volume.kind == "tensors" else volume.values[..., None]
-    found = coverage(surface, np.isfinite(values).all(axis=3) & values.any(axis=3), volume.affine)
+    return coverage(surface, np.isfinite(values).all(axis=3) & values.any(axis=3), volume.affine)
+
+
+def _background(name: str, volume: Volume, found: Coverage) -> Background:
     fraction = max(0.0, 1 - found.here)
     what = f"{name}: {fraction:.1%} of the brain lies where {volume.file or 'the volume'} is 0 or holds no "
     what += "label" if volume.kind == "labels" else "number"

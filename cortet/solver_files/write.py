@@ -78,7 +78,7 @@ def write(
     beside, told = None, []
     if arguments.get("map") and not FORMATS[arguments["solver"]].is_surface:
         beside = _matrices(surface, certificate, origin)
-        told = [] if beside else ["no map: the given surface is no file of a surface"]
+        told = [] if beside else ["no map: the input is not a surface file"]
     frame = surface.frame
     lacks = export(
         named,

@@ -85,7 +85,7 @@ LINE = (
     ),
     Stage(
         name="gate",
-        does="lets in a surface that can be meshed",
+        does="checks that the surface can be meshed",
         label="gated",
         takes=("surface",),
         gives="surface",
@@ -95,7 +95,7 @@ LINE = (
     ),
     Stage(
         name="smooth_surface",
-        does="smooths the surface as much as it is rough",
+        does="smooths the surface according to its roughness",
         label="smoothed",
         takes=("surface",),
         gives="surface",
@@ -252,7 +252,7 @@ def require_programs(config: Config) -> None:
         for program, instead in stage.section_of(config).programs().items():
             if shutil.which(program) is None:
                 raise InputError(
-                    f"the program {program} is not installed", remedy=f"put it on the PATH, or set {instead}"
+                    f"the program {program} is not installed", remedy=f"add it to the PATH, or set {instead}"
                 )
 
 
@@ -263,7 +263,7 @@ def require_nesting(config: Config) -> None:
     keys += [stage.section_of(config).excludes_inner_surfaces() for stage in stages_of(config, nested=True)]
     for key in filter(None, keys):
         raise InputError(
-            f"{key} does not support inner surfaces", remedy="use the setting `default` for cases that have some"
+            f"{key} does not support inner surfaces", remedy="use the setting `default` for cases with inner surfaces"
         )
 
 

@@ -67,7 +67,7 @@ def _binary() -> str:
     if binary is None:
         raise StageError(
             "the program meshtool is not installed",
-            remedy="put it on the PATH, or set clean.backend: cortet, which needs nothing",
+            remedy="add it to the PATH, or set clean.backend: cortet, which needs no program",
         )
     return binary
 
@@ -76,7 +76,7 @@ def _check_nothing_to_do(mesh: TetMesh, threshold: float) -> None:
     """Raise StageError if meshtool wrote nothing although an element is above the threshold."""
     if above := int((quality(mesh.points, mesh.cells) > threshold).sum()):
         raise StageError(
-            f"meshtool wrote nothing at threshold {threshold:g}, though {above} tetrahedra are above it",
+            f"meshtool wrote nothing at threshold {threshold:g}, although {above} tetrahedra are above it",
             remedy="run `meshtool clean quality` by hand on the CARP files of S2, or set clean.backend: cortet",
         )
     logger.info("no tetrahedron is above %g: meshtool had nothing to do", threshold)
@@ -89,7 +89,7 @@ def _check_result(mesh: TetMesh, result: TetMesh) -> None:
     if len(result.points) != len(mesh.points):
         raise StageError(f"meshtool returned {len(result.points)} nodes of {len(mesh.points)}")
     if not np.array_equal(np.sort(result.cells, axis=1), np.sort(mesh.cells, axis=1)):
-        raise StageError("meshtool changed the connectivity, though cleaning moves vertices only")
+        raise StageError("meshtool changed the connectivity, although cleaning only moves vertices")
     # checked by the original orientation: meshtool reverses inverted tetrahedra and calls them positive
     inverted = int((~(signed_volumes(result.points, mesh.cells) > 0)).sum())
     if inverted:

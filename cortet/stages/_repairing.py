@@ -165,9 +165,7 @@ class BrokenSurface:
     def _rebuilding(self) -> None:
         turned = TriSurface(self.work.points, outward(self.work.points, self.work.faces))
         made, self.volume_before = rebuilt(turned, self.limits.spacing)
-        self._note(
-            f"surface made again on a grid of {self.limits.spacing:g} mm", 1, "surface", made.points.mean(axis=0)
-        )
+        self._note(f"surface rebuilt on a grid of {self.limits.spacing:g} mm", 1, "surface", made.points.mean(axis=0))
         work = mending.triangles(made.points, made.faces)
         self.work = work._replace(origin=np.full(len(made.points), -1, np.int32), made=work.made + REPLACED)
 
@@ -176,7 +174,7 @@ class BrokenSurface:
         self.work, centres, cut = mending.without_branches(self.work)
         if len(centres):
             self.touched[cut] = True
-            self._note("edges in more than two triangles parted", len(centres), "edges", centres)
+            self._note("edges in more than two triangles split", len(centres), "edges", centres)
         work, vertices = mending.split_fans(self.work)
         if len(vertices):
             self._replace(work, "vertices with several fans of triangles split", len(vertices), "vertices", vertices)
@@ -233,7 +231,7 @@ class BrokenSurface:
             self._note("triangles turned outward", len(changed), "faces", self.work.points[places])
         self.work = self.work._replace(faces=turned)
         if surface_topology(turned).misoriented_edges:
-            raise InputError("this surface has no inside: it cannot be oriented", remedy="export the surface again")
+            raise InputError("the surface cannot be oriented: it has no inside", remedy="export the surface again")
         if closed_volume(self.work) < 0:
             self.work = self.work._replace(faces=np.ascontiguousarray(turned[:, ::-1]))
 
@@ -245,8 +243,8 @@ class BrokenSurface:
                 where, rounded = in_mm(self.work.points[rim].mean(axis=0)), math.ceil(10 * length) / 10
                 most = self.limits.max_hole
                 raise InputError(
-                    f"a hole around {where} has a rim of {rounded:g} mm; cortet fills holes of up to {most:g} mm",
-                    remedy="close the surface there, or set repair.max_hole",
+                    f"the hole at {where} has a rim of {rounded:g} mm, longer than the limit of {most:g} mm",
+                    remedy="close the hole, or raise repair.max_hole",
                 )
         # the file had no hole where the steps above removed faces
         ours = [bool(self.touched[self.work.origin[rim]].any()) for rim in found]

@@ -140,10 +140,10 @@ def _check_topology(surface: TriSurface, found: SurfaceTopology, allow_genus: in
         remedy = "repair the surface, for example with MeshFix or PyMeshLab"
         coincident = len(surface.points) - len(np.unique(surface.points, axis=0))
         if coincident:
-            remedy = f"{coincident} vertices coincide with others: merge them, then see what remains"
+            remedy = f"{coincident} vertices coincide with others: merge them first"
         elif found.misoriented_edges and len(problems) == 1:
-            remedy = "this surface has no inside: it cannot be oriented"
-        raise InputError(f"not one closed manifold: {'; '.join(problems)}", remedy=remedy)
+            remedy = "the surface cannot be oriented: it has no inside"
+        raise InputError(f"the surface is not one closed manifold: {'; '.join(problems)}", remedy=remedy)
     if found.genus > allow_genus:
         raise InputError(
             f"genus {found.genus:g} (Euler number {found.euler_number}), at most {allow_genus} is accepted",
@@ -163,7 +163,7 @@ def require_size(extents: Sequence[float], volume: float, *, option: str = "gate
         return
     usual = f"{EXTENT_MM[0]:g} to {EXTENT_MM[1]:g} mm and {VOLUME_ML[0]:g} to {VOLUME_ML[1]:g} mL"
     units = [unit for unit, factor in UNITS.items() if EXTENT_MM[0] <= extent * factor <= EXTENT_MM[1]]
-    named = f"if the coordinates are in {' or '.join(units)}, say so with {option}"
+    named = f"if the coordinates are in {' or '.join(units)}, set the unit with {option}"
     raise InputError(
         f"the surface is {extent:.4g} mm long and encloses {volume:.4g} mL; a brain or hemisphere has {usual}",
         remedy=named if units else "give coordinates in mm; if they are voxel indices, name the image in gate.affine",
@@ -181,17 +181,23 @@ def _uncross(surface: TriSurface, source: Any) -> tuple[TriSurface, int]:
         return surface, 0
 
     where = surface.points[surface.faces[crossing[0]]].mean(axis=0).round(2).tolist()
-    found = f"{len(crossing)} of {len(surface.faces)} triangles cross others, the first is {crossing[0]} at {where} mm"
-    remedy = "repair them, for example with MeshFix, or remesh the surface"
+    share = f"{len(crossing)} of {len(surface.faces)} triangles"
+    found = f"{share} intersect others; the first is triangle {crossing[0]} at {where} mm"
+    remedy = "repair the surface, for example with MeshFix, or remesh it"
     if len(crossing) > MAX_CROSSING * len(surface.faces):
-        raise InputError(f"{found}; up to {MAX_CROSSING:.1%} would be repaired", remedy=remedy)
+        raise InputError(f"{found}; the gate repairs at most {MAX_CROSSING:.1%} of the triangles", remedy=remedy)
     repaired, remaining = moved_apart(surface, lambda one, chosen, _: laplacian(one, chosen), rounds=_REPAIR_ROUNDS)
     moved = np.linalg.norm(repaired.points - surface.points, axis=1)
     if len(remaining) or moved.max() > MAX_REPAIR_MM:
-        tried = f"smoothing around them by up to {moved.max():.2f} mm leaves {len(remaining)}"
-        raise InputError(f"{found}; {tried} ({MAX_REPAIR_MM:g} mm allowed)", remedy=remedy)
+        far = f"smoothing moved vertices by {moved.max():.2f} mm (limit {MAX_REPAIR_MM:g} mm)"
+        tried = f"{far}, and {len(remaining)} triangles still intersect"
+        raise InputError(f"{found}; {tried}", remedy=remedy)
     _check_area(repaired, flat_faces(repaired.points, repaired.faces))
     logger.warning(
-        "%s: %s; pulled apart by moving %d vertices by up to %.3f mm", source, found, (moved > 0).sum(), moved.max()
+        "%s: %s; separated by moving %d vertices by up to %.3f mm",
+        source,
+        found,
+        (moved > 0).sum(),
+        moved.max(),
     )
     return repaired, len(crossing)

@@ -120,7 +120,7 @@ def common_sphere(settings: Resample) -> TriSurface:
 
 
 def _check(surface: TriSurface, sphere: TriSurface, file: Any) -> None:
-    without = "or none: leave out --sphere, or leave the column sphere of the cohort sheet empty"
+    without = "or no sphere: omit --sphere, or leave the column sphere of the cohort sheet empty"
     if not spheres.same_triangles(sphere, surface):
         raise InputError(
             f"the sphere has {len(sphere.points)} vertices and {len(sphere.faces)} triangles, the surface "
@@ -134,7 +134,7 @@ def _check(surface: TriSurface, sphere: TriSurface, file: Any) -> None:
         )
     if not np.isfinite(surface.points).all():
         raise InputError(
-            "a surface with coordinates that are not finite cannot be resampled", file=file, remedy="export it again"
+            "cannot resample a surface whose coordinates are not all finite", file=file, remedy="export it again"
         )
 
 

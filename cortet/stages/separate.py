@@ -153,7 +153,7 @@ def _require_another(surface: TriSurface, container: TriSurface, name: str, *, n
     )
     if share > most:
         raise InputError(
-            f"{share:.0%} of the inner surface {name} lies on or outside the surface around it, so there is no tissue "
+            f"{share:.0%} of the inner surface {name} lies on or outside the surface around it, so no tissue lies "
             "between them",
             remedy="give two surfaces, such as the pial and the white one, in this order",
         )
@@ -174,7 +174,7 @@ def _moved_inside(surface: TriSurface, container: TriSurface, *, name: str, gap:
         first = both.points[both.faces[remaining[0]]].mean(axis=0)
         raise InputError(
             f"the inner surface {name} cannot be moved {gap:g} mm away from the surface around it: {len(remaining)} "
-            f"triangles still cross, the first at {place_mm(first)}",
+            f"triangles still intersect, the first at {place_mm(first)}",
             remedy="edit the surfaces there, or choose a smaller regions.min_gap",
         )
     after, _, _ = depths(tree, container, points)

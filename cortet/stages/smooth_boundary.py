@@ -98,7 +98,7 @@ def smooth_boundary(
             if (signed_volumes(points, start.cells) > 0).all():
                 break
             count //= 2
-            logger.warning("smoothing inverts elements: again with %d iterations", count)
+            logger.warning("smoothing inverts elements; trying %d iterations", count)
         else:
             points, count = start.points, 0
         moved = replace(start, points=points)

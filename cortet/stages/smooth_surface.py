@@ -95,7 +95,10 @@ def smooth_surface(
     before = _candidate(surface, surface, 0, settings)
     if settings.method == "published":
         if gestational_age is None:
-            raise InputError("the published smoothing needs a gestational age", remedy="give it, or use method: taubin")
+            raise InputError(
+                "the published smoothing needs a gestational age",
+                remedy="give the age, or set smooth_surface.method: taubin",
+            )
         tried, candidates, offered = _by_age(surface, gestational_age, settings, before)
         chosen = min(offered, key=lambda c: c.roughness_mm, default=candidates[0])
     else:
@@ -110,7 +113,7 @@ def smooth_surface(
     if settings.method == "taubin" and chosen.high_frequency_roughness > settings.max_roughness:
         # no warning: a surface whose triangles are too large for its folds is just as rough, and rightly left alone
         logger.info(
-            "the surface stays rough: %.3f, where smoothing aims at %g; the limits allow no more",
+            "the surface stays rough: %.3f instead of the target %g, because the limits allow no more smoothing",
             chosen.high_frequency_roughness,
             settings.max_roughness,
         )

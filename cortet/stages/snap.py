@@ -74,7 +74,7 @@ def snap(mesh: TetMesh, surface: TriSurface, settings: Snap = Snap()) -> tuple[T
         return _brought(start, surface, tree, np.setdiff1d(boundary_nodes(start), held), settings.q_max, held)
 
     if found.distances.max() <= ON_SURFACE_MM:
-        snapped, rounds, outcome = mesh, 0, "nothing to do: the boundary lies on the surface"
+        snapped, rounds, outcome = mesh, 0, "nothing to do: the boundary already lies on the surface"
     else:
         snapped, rounds, _ = without_crossing(mesh, attempt)
         outcome = "the boundary lies on the surface" + (", after repair of elements" if rounds else "")

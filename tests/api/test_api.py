@@ -121,8 +121,6 @@ REFUSED: list[tuple[Callable[[cortet.Mesh], Any], str]] = [
     ),
     (lambda made: made.save("/proc/none/x.vtu"), "/proc/none"),
     (lambda made: cortet.certify(None, made.surface), "NoneType"),  # type: ignore[arg-type]
-    (lambda made: cortet.compare([made], made.surface), "names"),  # type: ignore[arg-type]
-    (lambda made: cortet.compare({}, made.surface), "no meshes"),
     (lambda made: cortet.growth(made.surface, made.surface, ages=(24,)), "later age"),  # type: ignore[arg-type]
     # nothing that can be folded, or not at this age
     (lambda made: cortet.fold(made, 30), "24 weeks, not 30"),
@@ -235,7 +233,7 @@ def test_no_file_of_others_is_replaced_unless_forced_and_no_input_ever(ball, tmp
     made = cortet.mesh(source, COARSE, progress=False)
     theirs = tmp_path / "theirs.vtu"
     theirs.write_text("mine")
-    with pytest.raises(InputError, match="exists, and cortet did not make it"):
+    with pytest.raises(InputError, match="exists, and cortet did not write it"):
         made.save(theirs)
     assert theirs.read_text() == "mine"
     made.save(theirs, force=True)
@@ -257,12 +255,15 @@ def test_a_broken_surface_is_repaired_and_said_how(ball):
     assert any(report.values())
 
 
-def test_meshes_of_files_and_in_memory_are_checked_and_compared(ball, made, tmp_path):
-    file = made.save(tmp_path / "ball.vtu")
-    assert cortet.certify(file, ball, 3.0).quality.tets == len(made.cells)
-    table = cortet.compare({"a": made, "b": made.mesh}, made.surface, COARSE)
-    assert list(table.columns) == ["a", "b"] and len(table) > 5
-    assert (table["a"] == table["b"]).all()
+def test_a_surface_of_another_unit_is_repaired_in_mm(ball):
+    settings = {"gate": {"unit": "m"}, "repair": {"enabled": True}}
+    of_metres, _ = cortet.repair((ball.points / 1000, ball.faces[1:]), settings)
+    mended, _ = cortet.repair((ball.points, ball.faces[1:]))
+    assert of_metres.points == pytest.approx(mended.points, abs=1e-5)
+
+
+def test_a_mesh_of_a_file_is_checked(ball, made, tmp_path):
+    assert cortet.certify(made.save(tmp_path / "ball.vtu"), ball, 3.0).quality.tets == len(made.cells)
 
 
 def test_a_mesh_folds_from_the_age_it_was_made_at(made, tmp_path):
@@ -316,7 +317,7 @@ def test_a_full_disk_loses_neither_the_mesh_that_was_there_nor_its_certificate(m
     monkeypatch.setattr(Path, "write_text", full_after)
     for number in (1, 2):  # the certificate and the sidecar
         count = number
-        with pytest.raises(InputError, match=r"x\.\S+: cannot be written, as its disk has only .* MB left"):
+        with pytest.raises(InputError, match=r"x\.\S+: cannot be written: its disk has only .* MB left"):
             finer.save(path, force=True)
         assert files() == before
     finer.save(path, force=True)

@@ -28,7 +28,7 @@ from cortet.formats import vtu
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface, surface_topology
-from cortet.meshes import TetMesh, TriSurface
+from cortet.meshes import TriSurface
 from cortet.solver_files.sidecar import sidecar_path
 
 
@@ -59,7 +59,6 @@ REFUSED = [
     *((words, 2, "usage: cortet") for words in ("", "mesh", "mesh x.gii", "cohort", "unknown")),
     ("phantom --ga old -o x", 2, "usage: cortet"),
     ("run in out --formats vtu,,inp", 2, "usage: cortet"),
-    ("job x.inp -o job", 2, "examples/calculix.py"),
     ("mesh ball.surf.gii -o y.vtu --slices y.png", 2, "--slices"),
     ("mesh ball.surf.gii -o y.vtu --inner a=a.gii --inner a=b.gii", 2, "--inner names a"),
     ("growth a.gii b.gii --ages 30 28 -o y.func.gii", 2, "later age"),
@@ -72,7 +71,6 @@ REFUSED = [
     ("mesh ball.surf.gii -o y.vtu --field thickness=none.shape.gii", 1, "none.shape.gii"),
     *((words, 1, "is a folder") for words in ("quality ''", "certify .", "picture '' -o y.png")),
     *((f"fold ball.vtu --ga 22 -o y --time-step={step} --force", 1, "time") for step in ("1", "1e-7", "1e-9")),
-    ("verify ball.vtu", 2, "cortet certify"),
     ("convert ball.vtu y.vtk", 1, ".vtu"),
     ("convert ball.vtu y.bpts", 1, ".pts"),
     ("convert x.feb y.vtu", 1, ".vtu"),
@@ -91,7 +89,7 @@ def test_what_cannot_be_done_is_refused_before_any_work(words, code, keyword, ba
         ended = stopped.code
     shown = capsys.readouterr()
     assert (ended, keyword in shown.err, "seconds" in shown.out) == (code, True, False), shown
-    assert len(shown.err.splitlines()) == 1 or "usage" in keyword or words[:3] in ("job", "ver")
+    assert len(shown.err.splitlines()) == 1 or "usage" in keyword
     assert sorted(ball.parent.iterdir()) == before
 
 
@@ -183,8 +181,7 @@ def test_gate_gives_one_verdict_per_file(ball, tmp_path, capsys):
     accepted, *refused = capsys.readouterr().out.splitlines()
     assert accepted.startswith(f"accepted  {ball}: 642 vertices")
     assert [line.split()[:2] for line in refused] == [["refused", f"{opened}:"], ["refused", f"{empty}:"]]
-    assert "open edges" in refused[0] and refused[0].endswith(f"so does `cortet repair {opened}`")
-    assert "repairable" not in refused[1]
+    assert "open edges" in refused[0]
     faces = surface.faces.copy()
     faces[:5] = faces[:5, ::-1]
     turned = tmp_path / "turned.surf.gii"
@@ -260,11 +257,11 @@ def test_certify_checks_regions_of_an_exported_mesh_by_the_surfaces_they_were_ma
     assert checked["regions"] == written["regions"] and checked["interfaces"] == written["interfaces"]
     assert main(["certify", *files[:2], "--inner", f"ventricle={files[2]}"]) == 0
     assert main(["certify", *files[:2], "--inner", files[1]]) == 1, "its interface lies elsewhere"
-    assert "FAIL  distance of a node of the interface white" in capsys.readouterr().out
+    assert "FAIL  largest distance from a node of the interface white" in capsys.readouterr().out
     write_surface(ball_surface(4, 5.0), tmp_path / "deep.surf.gii")
     more = ["--inner", files[2], "--inner", f"deep={tmp_path / 'deep.surf.gii'}"]
     assert main(["certify", *files[:2], *more]) == 1
-    assert "its regions are not known: there is no set deep (it has: cortex, white, core)" in capsys.readouterr().err
+    assert "cannot tell its regions: there is no set deep (it has: cortex, white, core)" in capsys.readouterr().err
 
 
 def test_a_white_surface_is_meshed_without_a_cortex_and_that_is_said(tmp_path, capsys):
@@ -273,7 +270,7 @@ def test_a_white_surface_is_meshed_without_a_cortex_and_that_is_said(tmp_path, c
     write_surface(ball_surface(3, 14.0), given)
     command = ["mesh", str(given), "--cell-size", "5", "-o", str(out)]
     assert main([*command, "--page", str(page)]) == 0
-    assert "white matter, without the cortex around it" in capsys.readouterr().out
+    assert "white matter without the cortex" in capsys.readouterr().out
     record = json.loads((tmp_path / "x.vtu.json").read_text())
     assert record["made_from"]["surface"] == "white"
     assert record["sets"]["cells"].keys() == {"core"}
@@ -306,7 +303,7 @@ def test_cohort_scan_writes_a_sheet_and_names_what_has_no_age(tmp_path, capsys):
     ]
     shown = capsys.readouterr().out
     assert f"{sheet}: 2 surfaces" in shown
-    assert "1 without a gestational age, so not folded: sub-A_ses-2_hemi-L (adults have none" in shown
+    assert "1 not folded because the gestational age is unknown: sub-A_ses-2_hemi-L (adults need none" in shown
 
 
 def test_a_dry_run_of_the_group_alone_ends_as_the_run_does(tmp_path, capsys):
@@ -316,7 +313,7 @@ def test_a_dry_run_of_the_group_alone_ends_as_the_run_does(tmp_path, capsys):
     command = ["run", str(tmp_path / "bids"), str(tmp_path / "out"), "group"]
     ends = [(main([*command, *more]), capsys.readouterr().err) for more in ([], ["--dry-run"])]
     assert ends[0] == ends[1]
-    assert ends[0][0] == 1 and "holds no mesh of these cases yet" in ends[0][1]
+    assert ends[0][0] == 1 and "has no mesh of these cases yet" in ends[0][1]
 
 
 def test_cohort_scan_replaces_no_sheet_unasked(tmp_path, capsys):
@@ -334,11 +331,11 @@ def test_cohort_scan_replaces_no_sheet_unasked(tmp_path, capsys):
     sheet.write_bytes(edited)
     found("B")
     assert main(command) == 1
-    assert re.search(r"exists already.*--update.*--force", capsys.readouterr().err, re.DOTALL)
+    assert re.search(r"already exists.*--update.*--force", capsys.readouterr().err, re.DOTALL)
     assert sheet.read_bytes() == edited
     assert main([*command, "--update"]) == 0
     shown = capsys.readouterr().out
-    assert "2 surfaces, 1 of them new and added\n" in shown and "not folded: sub-B_hemi-L (adults have none" in shown
+    assert "2 surfaces, 1 of them new and added\n" in shown and "age is unknown: sub-B_hemi-L" in shown
     assert sheet.read_bytes().startswith(edited)
     assert [case.name for case in read_sheet(sheet)] == ["sub-A_hemi-L", "sub-B_hemi-L"]
     assert main([*command, "--force"]) == 0
@@ -357,7 +354,7 @@ def test_a_mesh_that_was_changed_after_cortet_wrote_it_is_told(tmp_path, capsys)
     told = capsys.readouterr()
     (tmp_path / "a.vtu.json").write_text("[1, 2]")  # of another program
     assert main(["quality", str(tmp_path / "a.vtu")]) == 0
-    assert "cube.vtu was changed after cortet wrote it: no certificate beside it is of it" in told.out
+    assert "cube.vtu was changed after cortet wrote it, so its certificate does not apply" in told.out
     assert "cube.vtu: changed after cortet wrote it" in told.err
 
 
@@ -414,31 +411,3 @@ def test_a_fold_that_was_killed_goes_on_with_the_age_of_its_file(tmp_path):
     assert main(command) == 0
     assert not list((tmp_path / "folded").rglob(".[0-9]*"))
     assert read_tsv(tmp_path / "folded/fold.tsv").iloc[0]["gestational_age"] == "24"
-
-
-def test_meshes_of_one_surface_are_compared_by_the_same_limits(tmp_path, capsys):
-    ball = ball_mesh()
-    larger = TetMesh(1.01 * ball.points, ball.cells)
-    for name, mesh in {"exact.vtu": ball, "larger.vtu": larger, "other/exact.vtu": ball}.items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        vtu.write(mesh, tmp_path / name)
-    exact, larger_file, twin = (str(tmp_path / name) for name in ("exact.vtu", "larger.vtu", "other/exact.vtu"))
-    surface, table = str(tmp_path / "ball.surf.gii"), tmp_path / "table.tsv"
-    write_surface(boundary_surface(ball)[0], surface)
-    how = ["--surface", surface, "--q-max", "0.99", "--cell-size", "1"]
-    assert main(["compare", exact, larger_file, *how, "-o", str(table)]) == 0
-
-    said = capsys.readouterr().out
-    assert "exact: certified\n" in said
-    assert "larger: NOT certified:\n  distance of a boundary node to the surface" in said
-    rows = read_tsv(table).set_index("number")
-    assert list(rows.columns) == ["limit", "exact", "larger"]
-    distance = rows.loc["Distance of a boundary node to the surface, at most"]
-    assert distance["limit"] == "at most 0.001 mm"
-    off = [float(distance[name].removesuffix(" mm")) for name in ("exact", "larger")]
-    assert off == [pytest.approx(0, abs=1e-6), pytest.approx(0.01, abs=1e-4)], "of a ball of radius 1"
-
-    assert main(["compare", exact, twin, *how]) == 0
-    assert f"{twin}: certified" in capsys.readouterr().out, "files of the same name are told apart"
-    assert main(["compare", exact, exact, *how]) == 1
-    assert "given twice" in capsys.readouterr().err

@@ -76,7 +76,7 @@ def test_every_desc_is_documented(tmp_path):
 
 
 def test_an_output_folder_with_braces_is_refused_before_anything_is_made(tmp_path):
-    with pytest.raises(InputError, match=r"has braces in its name, which are wildcards to Snakemake"):
+    with pytest.raises(InputError, match=r"has braces in its name, which Snakemake reads as wildcards"):
         lock(tmp_path / "bids", tmp_path / "out{x}")
     assert not list(tmp_path.iterdir())
     with pytest.raises(InputError, match="output = 'out{x}': braces in the name of the output folder"):

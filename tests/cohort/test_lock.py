@@ -35,7 +35,7 @@ def holder(folder: Path) -> tuple[subprocess.Popen[str], int]:
 def test_a_second_run_is_told_who_is_first_and_kill_9_leaves_nothing_to_remove(tmp_path):
     folder = tmp_path / "new" / "out"
     first, child = holder(folder)
-    owner = f"another run is writing to it: process {first.pid} on .*, started in {Path.cwd()}"
+    owner = f"another run is writing to this folder: process {first.pid} on .*, started in {Path.cwd()}"
     with pytest.raises(InputError, match=owner):
         hold(folder)
     with pytest.raises(InputError, match=owner):

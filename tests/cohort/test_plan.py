@@ -69,13 +69,13 @@ def test_a_run_says_of_cases_without_an_age_what_is_not_done_with_them_and_no_mo
     by_age = {"smooth_surface": {"method": "published"}}
     for sections, said in (
         ({}, []),
-        (by_age, ["so not smoothed"]),
-        ({"fold": {"cases": "all"}}, ["so not folded"]),
-        ({"fold": {"cases": 1}, **by_age}, ["so not smoothed or folded"]),
+        (by_age, ["smoothed"]),
+        ({"fold": {"cases": "all"}}, ["folded"]),
+        ({"fold": {"cases": 1}, **by_age}, ["smoothed or folded"]),
         ({"fold": {"cases": [GOOD.name]}}, []),
     ):
         notices = plan(**sections).notices()
-        begin = [f"1 without a gestational age, {what}: {PAIR.name} (adults have none; " for what in said]
+        begin = [f"1 not {what} because the gestational age is unknown: {PAIR.name} (" for what in said]
         assert [notice.startswith(one) for notice, one in zip(notices, begin, strict=True)] == [True] * len(said)
     assert plan(GOOD, MADE, **by_age).notices() == []
 

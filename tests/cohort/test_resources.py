@@ -13,7 +13,6 @@ from cortet.cohort.resources import (
     LATTICE,
     Cost,
     cost,
-    disk_mb,
     expected_tets,
     expected_volume_ml,
     memory_to_ask_mb,
@@ -73,10 +72,6 @@ def test_the_lattice_has_a_cost_of_its_own_in_s1_only():
 def test_a_rule_without_a_cost_is_an_error_that_names_it():
     with pytest.raises(InputError, match="polish"):
         cost("polish")
-
-
-def test_intermediates_take_almost_half_of_the_disk():
-    assert 1.7 * disk_mb(1e6, keep_intermediates=False) < disk_mb(1e6) == pytest.approx(56.5)
 
 
 def test_the_profile_groups_every_rule_on_a_case_but_the_long_ones():

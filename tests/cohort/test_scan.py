@@ -88,7 +88,7 @@ def test_subjects_of_freesurfer_may_have_any_name_but_that_of_the_template(tmp_p
     cases, said = scanned(freesurfer(tmp_path, "subj_01", "bert.long", "fsaverage"))
     names = [f"sub-{who}_hemi-{hemi}" for who in ("bertlong", "subj01") for hemi in "LR"]
     assert [case.name for case in cases] == names
-    assert "subj_01 is called sub-subj01" in said
+    assert "subj_01 becomes sub-subj01" in said
     assert "registered spheres: 2" in said
 
 
@@ -134,10 +134,10 @@ def test_the_names_of_other_pipelines_are_known(tmp_path, file, case):
     said: list[str] = []
     (found,) = scan(tmp_path, say=said.append)
     assert (found.name, found.surface) == (case, path)
-    assert "white surfaces alone: 1" in said[-1] and "(--pial takes both)" in said[-1]
+    assert "white surfaces alone: 1" in said[-1] and "(--pial uses both)" in said[-1]
     (both,) = scan(tmp_path, Scan(pial=True), said.append)
     assert (both.surface, both.inner) == (pial, {"white": path})
-    assert "pial surfaces with the white ones inside: 1" in said[-1]
+    assert "pial surfaces with the white surface inside: 1" in said[-1]
 
 
 #: what is in the folder -> what is taken, and what is said of the rest
@@ -146,32 +146,32 @@ SEVERAL: dict[str, tuple[list[str], list[str], str]] = {
     "two runs": (
         [f"{A}_run-2_hemi-L_white.surf.gii", f"{A}_run-1_hemi-L_white.surf.gii"],
         [f"{A}_run-1_hemi-L_white.surf.gii"],
-        f"2 surfaces of one hemisphere: {A}_run-1_hemi-L_white.surf.gii, {A}_run-2_hemi-L_white.surf.gii; the first",
+        f"2 surfaces of one hemisphere: {A}_run-1_hemi-L_white.surf.gii, {A}_run-2_hemi-L_white.surf.gii; cortet",
     ),
     "one that was converted": (
         ["bert/surf/lh.white", "bert/surf/lh.white.surf.gii", "bert/surf/rh.white.surf.gii"],
         ["bert/surf/lh.white", "bert/surf/rh.white.surf.gii"],
-        "2 surfaces of one hemisphere: bert/surf/lh.white, bert/surf/lh.white.surf.gii; the first",
+        "2 surfaces of one hemisphere: bert/surf/lh.white, bert/surf/lh.white.surf.gii; cortet uses the first",
     ),
     "two patterns": (
         [f"{A}_hemi-{hemi}_{kind}.surf.gii" for hemi in "LR" for kind in ("smoothwm", "white")],
         [f"{A}_hemi-{hemi}_white.surf.gii" for hemi in "LR"],
-        f"that have another, not taken: {A}_hemi-L_smoothwm.surf.gii, {A}_hemi-R_smoothwm.surf.gii",
+        f"the hemisphere has another surface: {A}_hemi-L_smoothwm.surf.gii, {A}_hemi-R_smoothwm.surf.gii",
     ),
     "another in the space of a template": (
         [f"{A}_hemi-L_space-T1w_white.surf.gii", f"{A}_hemi-L_space-MNI152_wm.surf.gii"],
         [f"{A}_hemi-L_space-T1w_white.surf.gii"],
-        f"that have another, not taken: {A}_hemi-L_space-MNI152_wm.surf.gii",
+        f"the hemisphere has another surface: {A}_hemi-L_space-MNI152_wm.surf.gii",
     ),
     "one in the space of a template": (
         [f"{A}_hemi-R_space-MNI152_wm.surf.gii"],
         [f"{A}_hemi-R_space-MNI152_wm.surf.gii"],
-        f"in the space of a template, space-MNI152: {A}_hemi-R_space-MNI152_wm.surf.gii",
+        f"in template space (space-MNI152): {A}_hemi-R_space-MNI152_wm.surf.gii",
     ),
     "a side with a pial surface alone": (
         ["sub-01/surf/lh.white", "sub-01/surf/rh.pial", "sub-02/anat/sub-02_hemi-L_pial.surf.gii"],
         ["sub-01/surf/lh.white"],
-        "no white one, left out: sub-01/surf/rh.pial, sub-02/anat/sub-02_hemi-L_pial.surf.gii",
+        "no white surface: sub-01/surf/rh.pial, sub-02/anat/sub-02_hemi-L_pial.surf.gii",
     ),
 }
 
@@ -193,7 +193,7 @@ def test_of_two_runs_that_with_both_surfaces_is_taken_where_both_are_asked_for(t
 @pytest.mark.parametrize(
     ("file", "words"),
     [
-        ("sub-01/surf/lh.pial", r"1 pial ones, as .*lh\.pial"),
+        ("sub-01/surf/lh.pial", r"only 1 pial .*lh\.pial"),
         ("x.surf.gii", r"no surfaces found .*cohort\.scan\.surfaces.*_wm\.surf\.gii"),
         ("sub-01/ses-1/anat/sub-01_ses-2_hemi-L_white.surf.gii", "no surfaces found"),
     ],
@@ -222,9 +222,9 @@ def test_links_whose_content_is_elsewhere_are_named(tmp_path):
     assert (left.surface, right.surface) == (surf / "lh.pial", surf / "rh.pial")
     assert right.inner == {"white": surf / "rh.white"} and not right.volumes
     for name in ("lh.white", "rh.pial"):
-        assert f"{surf / name}: is a link to a file that has not been downloaded (datalad get {surf / name})" in said
+        assert f"{surf / name}: is a link to a file that was not downloaded (datalad get {surf / name})" in said
     assert any("so the volume aseg is left out" in line for line in said)
-    with pytest.raises(InputError, match="is a link to a file that has not been downloaded") as error:
+    with pytest.raises(InputError, match="is a link to a file that was not downloaded") as error:
         read_surface(surf / "rh.pial")
     assert str(error.value) == str(missing_surface(surf / "rh.pial", column="surface"))
 

@@ -71,13 +71,13 @@ BAD: list[tuple[str, dict[str, str], str, str]] = [
     (GOOD.replace("\tL", "\tleft-ish"), {}, "hemi", "use L, R"),
     (GOOD.replace("27.5", "190"), {}, "scan_age", "gestational weeks"),
     (GOOD.replace("27.5", "nan"), {}, "scan_age", "gestational weeks"),
-    (GOOD.replace("27.5", "old"), {}, "scan_age", "n/a where the age is not known"),
+    (GOOD.replace("27.5", "old"), {}, "scan_age", "n/a if the age is unknown"),
     (SYNTHETIC.replace("30", "n/a"), {}, "scan_age", "phantom"),
     (SYNTHETIC.replace("\tR", "\tn/a"), {}, "hemi", "phantom"),
-    (GOOD.replace("data/a.surf.gii", "n/a"), {}, "surface", "names no file"),
+    (GOOD.replace("data/a.surf.gii", "n/a"), {}, "surface", "is not a file"),
     (GOOD.replace("data/a", "{x}"), {}, "surface", "braces"),
     (GOOD.replace("yes", "maybe"), {}, "include", "use yes or no"),
-    (GOOD.replace("yes", "no"), {}, "exclude_reason", "give a reason"),
+    (GOOD.replace("yes", "no"), {}, "exclude_reason", "is not a reason"),
     (GOOD, {"unit": "inch"}, "unit", "use mm"),
     *((GOOD, {"cell_size": text}, "cell_size", "multiple") for text in ("0", "-1", "fine", "0.80001", "1e9", "nan")),
     (GOOD, {"sphere": "phantom"}, "sphere", "use phantom in both columns"),
@@ -174,7 +174,7 @@ def test_cases_are_chosen_by_name_by_number_over_the_ages_or_all():
     assert [case.scan_age for case in chosen(cases, 1)] == [22]
     assert len(chosen(cases, 9)) == 5 and chosen(cases, 0) == []
     assert chosen(cases, ["sub-36_hemi-L"]) == [cases[2]]
-    with pytest.raises(InputError, match="no included case is named sub-40_hemi-L"):
+    with pytest.raises(InputError, match="the sheet includes no case sub-40_hemi-L"):
         chosen(cases, ["sub-40_hemi-L"])
 
 
@@ -204,10 +204,10 @@ def test_a_case_without_an_age_is_told_and_not_folded(tmp_path):
     old, ageless = read_sheet(sheet(tmp_path, *rows, extra="\tfold"))
     assert folded([old, ageless], "all") == [old] and folded([ageless, old], 2) == [old]
     for which in (None, [ageless.name], {"column": "fold"}):
-        with pytest.raises(InputError, match="sub-008_ses-01_hemi-L: .* without an age"):
+        with pytest.raises(InputError, match="sub-008_ses-01_hemi-L: .* age is unknown"):
             folded([old, ageless], which)
     (notice,) = ageless_notice([old, ageless], smoothed=True, folded=True)
-    assert notice.startswith(f"1 without a gestational age, so not smoothed or folded: {ageless.name}")
+    assert notice.startswith("1 not smoothed or folded because")
     assert ageless_notice([old], smoothed=True, folded=True) == []
 
 

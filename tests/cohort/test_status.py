@@ -57,8 +57,8 @@ STACK = 'Current thread 0x00007f (most recent call first):\n  File "/x/a.py", li
             "took longer than 0:00:01 (hours:minutes:seconds), the time_limit, in fill, line 3 of /x/a.py",
         ),
         ("Traceback ...\nKeyboardInterrupt\n", "stopped by you"),
-        ("", "ended without a message: killed, or out of memory or time"),
-        (None, "ended without a message: killed, or out of memory or time"),
+        ("", "ended without a message: killed, or ran out of memory or time"),
+        (None, "ended without a message: killed, or ran out of memory or time"),
     ],
 )
 def test_why_a_job_failed_follows_from_its_log(tmp_path, text, reason):

@@ -31,5 +31,5 @@ def test_a_report_on_another_input_is_refused():
     require_same_input("gate.json", {"input_sha256": {"surface": "a"}}, {"surface": "a", "inner_white": "b"})
     with pytest.raises(StageError):
         require_same_input("gate.json", {}, {"surface": "a"})
-    with pytest.raises(StageError, match=r"gate\.json: is about another version of the input"):
+    with pytest.raises(StageError, match=r"gate\.json: describes an earlier version"):
         require_same_input("gate.json", {"input_sha256": {"surface": "b"}}, {"surface": "a"})

@@ -212,7 +212,7 @@ def test_the_certificate_sees_a_vertex_off_the_interface_and_a_tetrahedron_on_th
     points[node] *= 1 + 0.01 / np.linalg.norm(points[node])
     checked = certify(replace(mesh, points=points), surface)
     assert [c.name for c in checked.checks if not c.passed] == [
-        "distance of a node of the interface white to its surface, at most"
+        "largest distance from a node of the interface white to its surface"
     ]
     region = mesh.cell_data[REGION].copy()
     region[interfaces(mesh).behind[0]] = 2  # a face of it may still be flat on the surface

@@ -111,7 +111,7 @@ def test_participants_then_the_group_with_the_conventional_words(installed, data
     group = run(installed, "bids", "out", "group", cwd=tmp_path)
     assert group.returncode == 0, group.stdout + group.stderr
     assert group.stdout.splitlines()[-2:] == [
-        "no mesh yet: sub-01_ses-b_hemi-L, sub-02_hemi-L (the level participant makes them)",
+        "no mesh yet: sub-01_ses-b_hemi-L, sub-02_hemi-L (run the participant level to make them)",
         "3 cases: 1 certified, 2 unfinished; open out/cohort/index.html; meshes: out/sub-*/**/mesh/*Solver_sets.vtu",
     ]
     assert len(list(out.rglob("*Solver_sets.vtu"))) == 1, "it makes no mesh"
@@ -165,7 +165,7 @@ def test_participants_then_the_group_with_the_conventional_words(installed, data
     [
         (
             ["bids", "out", "participant", "--participant-label", "07"],
-            "no surfaces of participant 07 (there are those of",
+            "no surfaces of participant 07 (the dataset has",
         ),
         (["bids", "out", "participant", "--participant-label", "02", "--session-label", "a"], "no surface is selected"),
         (["nowhere", "out", "participant"], "nowhere"),

@@ -30,7 +30,7 @@ def test_a_case_without_an_age_runs_beside_one_with_an_age(tmp_path):
     jobs = study.jobs_of_run(
         STATUS, *(f"derivatives/cortet/cohort/{name}" for name in ("cohort_quality.tsv", "methods.md"))
     )
-    assert "1 without a gestational age, so not smoothed: " in study.said and "sub-b_hemi-L" in study.said
+    assert "1 not smoothed because" in study.said and "sub-b_hemi-L" in study.said
     assert {case for rule, case in jobs if rule in ("smooth_surface", "smooth_surface_inner")} == {"sub-a"}
     assert {row["state"] for row in study.status().values()} == {"certified"}
     certificate = json.loads(study.files("sub-b*Solver_certificate.json")[0].read_text())

@@ -114,7 +114,7 @@ def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study, tmp_path):
 
     for words in ((), ("--dry-run",)):
         again = study.run(*words)
-        assert again.returncode != 0 and "another run is writing to it" in again.stdout + again.stderr
+        assert again.returncode != 0 and "another run is writing to" in again.stdout + again.stderr
 
     (tmp_path / "clone").mkdir()
     clone = Study(tmp_path / "clone", {**study.config, "output": str(study.folder / "derivatives/cortet")})
@@ -122,7 +122,7 @@ def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study, tmp_path):
     words = [word for word in clone.command() if word != "--verbose"]  # which shows Snakemake's own traceback
     other = subprocess.run(words, cwd=clone.folder, capture_output=True, text=True, check=False)
     assert other.returncode != 0
-    assert f"another run is writing to it: process {first.pid} on" in other.stdout + other.stderr
+    assert f"another run is writing to this folder: process {first.pid} on" in other.stdout + other.stderr
     assert "Traceback" not in other.stdout + other.stderr
 
     first.send_signal(signal.SIGKILL)

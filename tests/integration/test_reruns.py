@@ -137,7 +137,7 @@ def test_a_configuration_with_a_section_twice_is_refused(study):
         file.write("clean:\n  thresholds: [0.6]\nclean:\n  boundary: fixed\n")
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--cores", "1", "--dry-run"]
     result = subprocess.run(command, cwd=study.folder, capture_output=True, text=True, check=False)
-    assert result.returncode != 0 and "key clean stands in line" in result.stdout + result.stderr
+    assert result.returncode != 0 and "key clean appears twice" in result.stdout + result.stderr
 
 
 def test_after_a_dry_run_with_other_parameters_a_report_says_what_the_last_run_asked_for(study):

@@ -14,6 +14,7 @@ from shapes import ball_surface, shell_mesh
 from cortet.errors import InputError
 from cortet.formats import abaqus, vtu
 from cortet.geometry.nesting import nested
+from cortet.measure import layers
 from cortet.measure.layers import (
     COLUMN,
     DEPTH,
@@ -41,8 +42,9 @@ def head(across: int = 3) -> TetMesh:
 
 
 def test_bounds_are_shares_of_the_volume():
-    assert bounds_of([1] * 4).tolist() == [0.25, 0.5, 0.75]
-    assert bounds_of([1, 1, 2]).tolist() == [0.25, 0.5]
+    assert bounds_of([1] * 4).tolist() == [0, 0.25, 0.5, 0.75, 1]
+    assert bounds_of([1, 1, 2]).tolist() == [0, 0.25, 0.5, 1]
+    assert bounds_of([0.1] * 17)[-1] == 1, "rounding leads to no depth beyond the white surface"
 
 
 def test_layers_share_the_volume_of_the_cortex_as_asked():
@@ -80,14 +82,14 @@ def test_a_cortex_thinner_than_half_an_edge_has_no_layers():
 
 def test_a_cortex_with_fewer_elements_across_than_layers_is_remarked_on():
     region = RegionRecord("cortex", 1, 1000, 1.0, 0.0, 0.1, 0.3, Across(1, 2.0, 2.0))
-    layers = [LayerRecord(number, (0.0, 1.0), 100, 1.0, 0.5) for number in (1, 2, 3, 4)]
-    assert remarks({}, {}, [region], 1.2, layers[:2]) == ()
-    (remark,) = remarks({}, {}, [region], 1.2, layers)
+    four = [LayerRecord(number, (0.0, 1.0), 100, 1.0, 0.5) for number in (1, 2, 3, 4)]
+    assert remarks({}, {}, [region], 1.2, four[:2]) == ()
+    (remark,) = remarks({}, {}, [region], 1.2, four)
     assert "4 layers" in remark and "0.6 mm" in remark
 
 
 @pytest.mark.parametrize(
-    ("layers", "keyword"),
+    ("records", "keyword"),
     [
         ([], "no inner surface white"),
         ([LayerRecord(1, (0.0, 1.0), 90, 9.0, 0.0), LayerRecord(0, (0.0, 1.0), 10, 1.0, 0.0)], "10% of the cortex"),
@@ -95,8 +97,8 @@ def test_a_cortex_with_fewer_elements_across_than_layers_is_remarked_on():
     ],
     ids=["none", "a part without", "empty"],
 )
-def test_layers_that_are_missing_are_remarked_on(layers, keyword):
-    (remark,) = remarks({}, {}, layers=layers)
+def test_layers_that_are_missing_are_remarked_on(records, keyword):
+    (remark,) = remarks({}, {}, layers=records)
     assert keyword in remark
 
 
@@ -123,6 +125,17 @@ def test_layers_replace_no_field_or_set_of_the_user():
         named_sets(of_nodes, inner=["white"], layers=[1, 1])
     with pytest.raises(InputError, match="set layer_1"):
         named_sets(labelled, inner=["white"], layers=[1, 1], tissues=["layer"])
+
+
+def test_columns_are_followed_once_for_a_mesh_and_its_copies_with_other_fields(monkeypatch):
+    mesh, other, followed = head(), head(), []
+    follow = layers.columns
+    monkeypatch.setattr(layers, "columns", lambda *of: followed.append(1) or follow(*of))
+    for one in (mesh, replace(mesh, point_data={"x": mesh.points[:, 0]}), named_sets(mesh, inner=["white"])):
+        layer_records(one, ["white"], [1, 1])
+    assert len(followed) == 1
+    layer_records(other, ["white"], [1, 1])
+    assert len(followed) == 2
 
 
 def test_a_mesh_without_white_surface_has_none():

@@ -40,7 +40,7 @@ def test_the_certificate_refuses_a_filled_sulcus_though_every_node_is_on_the_sur
     checked = certify(mesh, surface, limits, cell_size=2.0)
     assert not checked.certified
     assert len(checked.reasons) == 2, "centres of the faces across the mouth are far from the surface, too"
-    (reason,) = (one for one in checked.reasons if one.startswith("distance of the surface"))
+    (reason,) = (one for one in checked.reasons if one.startswith("largest distance from the surface"))
     assert "1 mm" in reason and "filled, at (0.00, 0.00, 6.00) mm" in reason
     unlimited = {check.id: check for check in certify(mesh, surface, limits).checks}["surface_distance"]
     assert unlimited.limit is None and unlimited.passed and unlimited.value > 3, "no cell size, no limit"

@@ -120,7 +120,10 @@ def test_conversion_renumbers_and_names_sets_where_they_are_missing(tmp_path):
     swap = np.r_[last, np.arange(1, last), 0]
     vtu.write(TetMesh(mesh.points[swap], swap[mesh.cells]), tmp_path / "m.vtu")
     done = convert(tmp_path / "m.vtu", tmp_path / "m.inp", source_unit="mm")
-    assert done == ["nodes were renumbered, those of the surface first", "it has no sets: the default ones were made"]
+    assert done == [
+        "nodes were renumbered so that surface nodes come first",
+        "it has no sets, so cortet made the default sets",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -133,7 +136,7 @@ def test_names_in_other_letters_become_plain_ones_and_this_is_told(tmp_path, suf
     sets = MeshSets({"größe": np.arange(3, dtype=np.int32)})
     vtu.write(replace(mesh, point_data=fields, sets=sets), tmp_path / "m.vtu")
     told = convert(tmp_path / "m.vtu", tmp_path / f"n{suffix}", source_unit="mm")
-    assert {"dïcke is called dicke", "dicke is called dicke_2", "größe is called grosse"} <= set(told)
+    assert {"dïcke was renamed to dicke", "dicke was renamed to dicke_2", "größe was renamed to grosse"} <= set(told)
     text = "".join(file.read_text() for file in tmp_path.glob(f"n*{suffix}"))
     assert [name for name in written if name not in text] == []
     with pytest.raises(InputError, match="größe"):
@@ -147,7 +150,7 @@ def test_sets_are_kept_on_the_way_to_another_format(tmp_path, faces):
     given = mesh if faces else replace(mesh, sets=MeshSets(mesh.sets.nodes, {}, mesh.sets.cells))
     vtu.write(given, tmp_path / "m.vtu")
     told = convert(tmp_path / "m.vtu", tmp_path / "m.inp", source_unit="mm")
-    assert told == ([] if faces else ["sets of faces were made of its sets of nodes"])
+    assert told == ([] if faces else ["cortet made sets of faces from its sets of nodes"])
     found = read_mesh(tmp_path / "m.inp").sets
     for name in mesh.sets.nodes.keys() - {"cortical_surface"}:  # without faces its rim is that of the medial wall
         assert np.array_equal(found.nodes[name], mesh.sets.nodes[name]), name

@@ -1,8 +1,10 @@
 """Depths of a cortex between two spheres, whose columns are radii: points, values and surfaces."""
 
+import json
 import shutil
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 from shapes import ball_surface
@@ -137,10 +139,32 @@ def test_project_refuses_what_cannot_be(folder, tmp_path, options):
     assert not (tmp_path / "x.func.gii").exists()
 
 
-def test_the_command_layers_writes_a_surface_for_each_bound(folder, tmp_path):
+def test_the_command_layers_refuses_surfaces_in_the_wrong_order(folder, tmp_path, capsys):
+    given = [str(folder / "pial.surf.gii"), str(folder / "white.surf.gii")]
+    assert main(["layers", *given, "--layers", "2", "-o", str(tmp_path / "lh.surf.gii")]) != 0
+    assert "white surface first" in capsys.readouterr().err and not [*tmp_path.iterdir()]
+
+
+def test_columns_at_midside_nodes_are_unit_vectors_and_the_sidecar_names_units(folder, tmp_path):
+    assert main(["quadratic", str(folder / "x.vtu"), "-o", str(tmp_path / "ten.vtu")]) == 0
+    length = np.linalg.norm(meshio.read(tmp_path / "ten.vtu").point_data["column"], axis=1)
+    assert np.isclose(length[:, None], [0, 1], atol=1e-6).any(axis=1).all() and (length > 0.5).any()
+    fields = json.loads((folder / "x.vtu.json").read_text())["fields"]
+    assert {name: fields[name]["units"] for name in ("column", "thickness_mm", "depth")} == {
+        "column": "1",
+        "thickness_mm": "mm",
+        "depth": "1",
+    }
+
+
+def test_the_command_layers_writes_a_surface_for_each_bound(folder, tmp_path, capsys):
     given = [str(folder / "white.surf.gii"), str(folder / "pial.surf.gii")]
     command = ["layers", *given, "--layers", "1,1,2", "--cell-size", "1.3", "-o", str(tmp_path / "lh.surf.gii")]
     assert main(command) == 0
+    shutil.copy(tmp_path / "lh2.surf.gii", tmp_path / "lh3.surf.gii")
+    assert main(command) == 0
+    assert "lh3.surf.gii: left" in capsys.readouterr().out
+    (tmp_path / "lh3.surf.gii").unlink()
     assert sorted(file.name for file in tmp_path.glob("lh*")) == ["lh1.surf.gii", "lh2.surf.gii"]
     radii = [np.linalg.norm(read_surface(tmp_path / f"lh{number}.surf.gii").points, axis=1) for number in (1, 2)]
     for radius, depth in zip(radii, (0.25, 0.5), strict=True):

@@ -22,7 +22,6 @@ from cortet.cli import main
 from cortet.formats import braingrowth, vtu
 from cortet.formats.gifti import read_surface, write_fields, write_surface
 from cortet.meshes import TetMesh, TriSurface
-from cortet.solver_files.common_sphere import Parcels
 
 RADIUS = 14.0
 
@@ -193,12 +192,12 @@ def fewer(mesh: TetMesh) -> None:
 WRONG: dict[str, tuple[Callable[[TetMesh], object], str]] = {
     "moved": (
         lambda mesh: grid(mesh.points + 0.5 * (mesh.points[:, :1] > 0), mesh.cells).save("r.vtu"),
-        "r.vtu.*moved",
+        "r.vtu.*undeformed",
     ),
     "grown": (lambda mesh: grid(1.1 * mesh.points, mesh.cells).save("r.vtu"), "r.vtu.*1.1 times"),
     "fewer nodes": (fewer, "r.vtu.* nodes"),
     "Exodus": (lambda _: Path("r.vtu").rename("r.e").write_bytes(b"CDF\1"), "r.e: .*Exodus.*ParaView"),
-    "no fields": (lambda mesh: grid(mesh.points, mesh.cells).save("r.vtu"), "r.vtu.*no field"),
+    "no fields": (lambda mesh: grid(mesh.points, mesh.cells).save("r.vtu"), "r.vtu.*no numeric field"),
     "cut off": (lambda _: Path("r.vtu").write_bytes(Path("r.vtu").read_bytes()[:300]), "r.vtu"),
     "mesh changed": (lambda _: Path("x.vtu").write_bytes(Path("x.vtu").read_bytes() + b"\n"), "x.vtu.*changed"),
     "no sidecar": (lambda _: Path("x.vtu.json").unlink(), "x.vtu.*--surface"),
@@ -275,7 +274,7 @@ def test_a_node_that_does_not_exist_and_a_reader_that_breaks_down_are_refused(me
     assert not Path("r.func.gii").exists()
 
 
-# --- relative depth, parcels, the common sphere, matrices
+# --- relative depth, matrices
 
 
 def test_a_relative_depth_is_a_part_of_the_thickness(folder, mesh):
@@ -301,69 +300,25 @@ def test_the_thickness_of_the_mesh_differs_from_vertex_to_vertex(folder, mesh):
     assert np.median(below[x < -4]) == pytest.approx(RADIUS - 3, abs=0.1)
 
 
-def parcel_rows() -> list[list[str]]:
-    return [line.split("\t") for line in Path("r.parcels.tsv").read_text().splitlines()]
-
-
-def test_parcels_have_their_means_in_a_table(folder, mesh):
-    write(mesh, "r.vtu")
-    write_fields({"half": (heights() > 0).astype(np.int32)}, "p.label.gii")
-    projected("r.vtu", "--parcels", "p.label.gii")
-    head, *rows = parcel_rows()
-    assert head == ["parcel", "field", "value"]
-    means = {(parcel, name): float(mean) for parcel, name, mean in rows}
-    # the mean height of half a sphere is half its radius
-    assert (means["1", "T"], means["0", "T"]) == pytest.approx((RADIUS / 2, -RADIUS / 2), rel=0.12)
-    write_fields({"half": np.zeros(7, np.int32)}, "wrong.label.gii")
-    assert project("r.vtu", "--mesh", "x.vtu", "-o", "w.func.gii", "--parcels", "wrong.label.gii") == 1
-
-
-def test_the_result_goes_to_a_common_sphere(folder, mesh):
-    write(mesh, "r.vtu")
-    write_surface(ball_surface(3, 100.0), "own.surf.gii")
-    write_surface(ball_surface(2, 100.0), "t.surf.gii")
-    found = projected("r.vtu", "--sphere", "own.surf.gii", "--template-sphere", "t.surf.gii")
-    assert found["T"] == pytest.approx(ball_surface(2, RADIUS).points[:, 2], abs=0.5)
-    for wrong in (["--sphere", "t.surf.gii", "--template-sphere", "own.surf.gii"], ["--sphere", "own.surf.gii"]):
-        assert project("r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii", *wrong, "--force") == 1
-
-
 def test_labels_stay_labels_on_every_way(folder, mesh):
     made = grid(mesh.points, mesh.cells)
     made.point_data["of_nodes"] = np.where(mesh.points[:, 2] > 0, 9, 2)
     made.cell_data["of_cells"] = np.where(mesh.points[mesh.cells].mean(axis=1)[:, 2] > 0, 9, 2)
     made.save("r.vtu")
-    write_surface(ball_surface(3, 100.0), "own.surf.gii")
-    write_surface(ball_surface(2, 97.0), "t.surf.gii")
-    write_fields({"parcel": (heights() > 3).astype(np.int32)}, "p.label.gii")
-    ways = ["--parcels", "p.label.gii", "--sphere", "own.surf.gii", "--template-sphere", "t.surf.gii"]
     for depth in ([], ["--depth", "1:3"], ["--depth", f"{RADIUS - 1}:{RADIUS + 9}"]):
-        for values in projected("r.vtu", *ways, *depth).values():
-            assert len(values) == 162 and set(values[np.isfinite(values)].tolist()) == {2, 9}
-        assert {value for _, _, value in parcel_rows()[1:]} <= {"2", "9"}
+        for values in projected("r.vtu", *depth).values():
+            assert set(values[np.isfinite(values)].tolist()) == {2, 9}
 
 
-def test_parcels_of_one_name_are_one_parcel():
-    parcels = Parcels(np.array([1, 2, 3, 3]), {1: "insula", 2: "insula"}, np.array([1.0, 3.0, 1.0, 1.0]))
-    assert parcels.means(np.array([4.0, 8.0, 5.0, np.nan])) == {"3": 5.0, "insula": 7.0}
-    assert parcels.labels(np.array([4, 8, 5, 5])) == {"3": 5, "insula": 8}
-
-
-@pytest.mark.parametrize("option", ["--parcels", "--sphere", "--template-sphere", "--surface"])
-def test_files_of_the_other_hemisphere_are_refused(folder, mesh, capsys, option):
+def test_files_of_the_other_hemisphere_are_refused(folder, mesh, capsys):
     write(mesh, "r.vtu")
-    for name in ("own", "right"):
-        write_surface(ball_surface(3, 100.0 if "sphere" in option else RADIUS), f"{name}.surf.gii")
-    write_fields({"parcel": np.zeros(642, np.int32)}, "right.label.gii", hemisphere="R")
+    write_surface(ball_surface(3, RADIUS), "right.surf.gii")
     image = nib.load("right.surf.gii")
     image.meta["AnatomicalStructurePrimary"] = "CortexRight"
     Path("right.surf.gii").write_bytes(image.to_xml())
-    given = {"--sphere": "own.surf.gii", "--template-sphere": "own.surf.gii"} if "sphere" in option else {}
-    given |= {option: "right.label.gii" if option == "--parcels" else "right.surf.gii"}
-    words = [word for pair in given.items() for word in pair]
-    assert project("r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii", *words) == 1
-    assert f"{given[option]}: is of hemisphere R" in capsys.readouterr().err
-    assert not list(folder.glob("r.*.gii")) and not list(folder.glob("r.*.tsv"))
+    assert project("r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii", "--surface", "right.surf.gii") == 1
+    assert "right.surf.gii: is of hemisphere R" in capsys.readouterr().err
+    assert not list(folder.glob("r.*.gii"))
 
 
 def test_sets_are_no_results(folder, mesh):

@@ -60,7 +60,7 @@ def test_an_envelope_holds_two_bodies_and_refuses_those_too_far_apart():
     for one in (left, right):
         assert closest_points(tree_of(one), around.points).distances.min() >= 0.998
     far = TriSurface(left.points + np.array([300.0, 0, 0]), left.faces)
-    with pytest.raises(InputError, match="no surface without holes encloses the 2 surfaces"):
+    with pytest.raises(InputError, match="cannot enclose the 2 surfaces"):
         envelope([left, far], 1.0)
 
 
@@ -202,7 +202,7 @@ def test_the_command_makes_shell_hole_and_records_and_checks_again(tmp_path, mon
     assert refused("MESH --hole tumour -o other.vtu", "tumour")
     assert refused("MESH --hole ventricle -o hollow.stl", ".stl")
     for words in ("certify hollow.vtu", "fold hollow.vtu --ga 24 -o f", "quadratic hollow.vtu -o q.vtu"):
-        assert refused(words, "whole mesh")
+        assert refused(words, "entire mesh")
 
     whole, hollow = vtu.read(tmp_path / "head.vtu"), vtu.read(tmp_path / "hollow.vtu")
     assert len(whole.cells) - len(hollow.cells) == len(whole.sets.cells["ventricle"])

@@ -127,7 +127,7 @@ ASIDE = replace(BALL, points=BALL.points + np.array([60, 0, 0]))
         (replace(BALL, faces=np.vstack([BALL.faces, [5, 5, 9]])), "5120"),
         *((replace(BALL, points=BALL.points * scale), f" in {unit}, ") for scale, unit in UNITS.items()),
         (replace(BALL, points=BALL.points * 6), "240 mm.*voxel"),
-        (dented(60), "triangles cross"),
+        (dented(60), "triangles intersect"),
         *((with_coordinate(value), "damaged") for value in (1e308, 1e12, np.nan, np.inf)),
     ],
 )

@@ -102,7 +102,7 @@ def test_many_crossing_triangles_are_pulled_apart():
     broken = crossed()
     crossing = len(self_intersections(broken))
     assert crossing > 100
-    with pytest.raises(InputError, match="cross"):
+    with pytest.raises(InputError, match="intersect"):
         gate(broken, source="x")
     made, report = repaired(broken)
     assert (report.steps[0].count, report.steps[0].of) == (crossing, "faces")

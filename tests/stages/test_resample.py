@@ -76,7 +76,7 @@ def test_a_template_takes_the_place_of_the_icosphere(tmp_path):
     arguments = arguments_of(config, "resample", {"hemisphere": "L", "sphere_file": "a.surf.gii"})
     made, _ = STAGES["resample"].run(*native(4), **arguments)
     assert len(made.points) == 642 and np.abs(made.points - egg(shifted_sphere(3).points)).max() < 0.4
-    with pytest.raises(InputError, match="which hemisphere this is"):
+    with pytest.raises(InputError, match="hemisphere, which is unknown"):
         arguments_of(config, "resample", {"hemisphere": None, "sphere_file": "a.surf.gii"})
 
 
@@ -100,7 +100,7 @@ def test_an_inner_surface_of_other_triangles_stays_as_it_is():
             ),
             "3 open edges",
         ),
-        (lambda surface, sphere: (replace(surface, points=surface.points * np.nan), sphere), "not finite"),
+        (lambda surface, sphere: (replace(surface, points=surface.points * np.nan), sphere), "not all finite"),
     ],
     ids=["of another surface", "not round", "half of it", "open", "without coordinates"],
 )

@@ -33,7 +33,7 @@ def floating(generated) -> TetMesh:
 
 def test_after_meshing_there_is_nothing_to_do_and_the_report_says_so(generated):
     result, report = snap(generated, BALL)
-    assert result is generated and report.outcome == "nothing to do: the boundary lies on the surface"
+    assert result is generated and report.outcome == "nothing to do: the boundary already lies on the surface"
     assert report.max_distance_before_mm < 1e-5 and report.repair_rounds == 0
 
 
