@@ -13,6 +13,7 @@ import argparse
 import tempfile
 
 import numpy as np
+from common_sphere import Parcels
 from numpy.typing import NDArray
 from population import design_of, effects
 from scipy.spatial import cKDTree
@@ -22,7 +23,6 @@ from cortet.folding.folded_surface import maps_of
 from cortet.geometry.spheres import vertex_areas
 from cortet.meshes import TriSurface
 from cortet.phantoms import phantom_with_sphere
-from cortet.solver_files.common_sphere import Parcels
 
 MEASURES = ("depth", "area_growth", "cortex_pressure", "cortex_stretch")
 #: weeks at the start, cell size in mm, growth of the second group in the parcel, p

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from common_sphere import Parcels, onto_common, read_parcels
 from matplotlib import colormaps
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap
@@ -35,7 +36,6 @@ from cortet.geometry.spheres import vertex_areas
 from cortet.meshes import FloatArray, TriSurface
 from cortet.report.figures import PAGE, drawn, save
 from cortet.report.surface_maps import map_view, usual_range
-from cortet.solver_files.common_sphere import Parcels, onto_common, read_parcels
 
 #: column of the model that compares the variants of `fold` within cases
 VARIANT = "variant"

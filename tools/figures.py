@@ -40,6 +40,7 @@ from cortet.report.figures import PAGE, drawn
 from cortet.report.figures import save as save_figure
 from cortet.report.render import REGION_COLOURS, surface_view
 from cortet.report.slices import draw_section
+from cortet.stages.resample import resample
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -76,7 +77,7 @@ def hero() -> None:
     for name in ("pial", "white"):
         nibabel.save(nibabel.load(adult / f"{name}_left.gii.gz"), f"{name}.surf.gii")
     run("mesh", "pial.surf.gii", "--inner", "white=white.surf.gii", "--cell-size", 1.5, "-o", "adult.vtu")
-    run("mesh", FETAL / "CRL_STA22_left_white.surf.gii", "--ga", 22, "--cell-size", 0.63, "-o", "fetal.vtu")
+    run("mesh", FETAL / "CRL_STA22_left_white.surf.gii", "--ga", 22, "--setting", "folding", "-o", "fetal.vtu")
     run("fold", "fetal.vtu", "--ga", 22, "--hemi", "L", "--end", 34, "-o", "fetal")
     with drawn(PAGE, 4.1) as figure:
         cut, brains = figure.subfigures(1, 2, width_ratios=(1, 1.45))
@@ -154,8 +155,7 @@ def common() -> None:
     row, axes = plt.subplots(1, 3, figsize=(10.8, 3), layout="constrained")
     for ax, age, subdivisions in zip(axes, (24, 28, 34), (5, 6, 5), strict=True):
         run("phantom", "--ga", age, "--subdivisions", subdivisions, "--sphere", "sphere.surf.gii", "-o", "x.surf.gii")
-        run("resample", "x.surf.gii", "--sphere", "sphere.surf.gii", "-o", "common.surf.gii")
-        surface = read_surface("common.surf.gii")
+        surface, _ = resample(read_surface("x.surf.gii"), read_surface("sphere.surf.gii"))
         of_faces = np.sort(patches[surface.faces], axis=1)[:, 1]  # the patch of two or three vertices
         ax.imshow(surface_view(surface, side="L", values=of_faces, limits=(-0.5, 11.5), colours="Paired"))
         ax.set_title(f"{age} weeks, {read_surface('x.surf.gii').points.shape[0]:,} vertices", fontsize=11)

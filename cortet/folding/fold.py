@@ -58,7 +58,7 @@ from cortet.formats.tables import write_table
 from cortet.formats.tsv import write_tsv
 from cortet.meshes import TetMesh
 
-VERSION: int = 12
+VERSION: int = 13
 
 #: wall time between two checkpoints, and between two updates of the tables
 _CHECKPOINT_SECONDS, _TABLE_SECONDS = 30.0, 1.0

@@ -75,10 +75,10 @@ class Constants(NamedTuple):
     own: float = Material().own
 
 
-#: `growing`: calibrated on CRL's atlas of 22 weeks (docs/notes/folding.md); BrainGrowth: Wang et al. 2021
+#: `growing`: calibrated on fetuses of 22 to 34 weeks (docs/notes/folding.md); BrainGrowth: Wang et al. 2021
 CONSTANTS = {
     "growing": Constants(
-        growth_rate={22: 0.0, 28: 0.14, 34: 0.28, 38: 0.335, 42: 0.36},
+        growth_rate={22: 0.0, 28: 0.14, 30: 0.187, 32: 0.275, 34: 0.37, 38: 0.425, 42: 0.45},
         core_stiffness=1.0,
         thickness_rate=-0.02,
         thickness=1.25,

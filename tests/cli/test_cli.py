@@ -241,7 +241,7 @@ def test_certify_checks_a_mesh_by_its_surface(tmp_path, capsys):
     assert main(["certify", *files, "--max-boundary-distance", "inf", "-o", str(tmp_path / "c.json")]) == 0
     assert json.loads((tmp_path / "c.json").read_text())["certified"] is True
     assert main(["certify", *files, "--max-boundary-distance", "0.4"]) == 1
-    assert "FAIL  distance of a boundary node" in capsys.readouterr().out
+    assert "FAIL  largest distance from a boundary node" in capsys.readouterr().out
     assert main(["certify", *files, "--q-max", "0.1"]) == 1
 
 

@@ -128,7 +128,7 @@ def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study, tmp_path):
     first.send_signal(signal.SIGKILL)
     first.wait()
     page = study.outputs / "cohort/index.html"
-    assert "has not ended: what is below is older" in page.read_text()
+    assert "has not ended. The results below are older" in page.read_text()
     assert {row["state"] for row in study.status().values()} == {"certified"}, "their certificates stay"
     (study.folder / "sabotage/go").touch()  # a job that outlived its Snakemake would now write
     locked = study.run()

@@ -71,7 +71,7 @@ def test_a_case_whose_mesh_has_another_cell_size_says_so(study):
     file.write_text(json.dumps(run))
     report(study.outputs)
     for row in study.status().values():
-        assert row["state"] == "unfinished" and "another cell size" in row["reason"]
+        assert row["state"] == "unfinished" and "a different cell size" in row["reason"]
 
 
 @pytest.mark.parametrize(
@@ -291,7 +291,7 @@ def test_files_that_vanished_beside_an_export_are_named(study):
     (mesh,) = (file for file in study.files("sub-a*.xdmf") if "_facets" not in file.name)
     mesh.with_suffix(".h5").unlink()
     done = study.run("--dry-run", "meshes")
-    assert f"{mesh.stem}.h5 is gone" in done.stdout + done.stderr
+    assert f"{mesh.stem}.h5 is missing" in done.stdout + done.stderr
     mesh.unlink()
     assert study.jobs_of_run("meshes") == {("export", "sub-a")}
     assert mesh.with_suffix(".h5").exists()

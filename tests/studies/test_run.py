@@ -62,8 +62,8 @@ def test_folds_are_measured_by_week_beside_real_brains(tmp_path):
     study["real"] = {**real, "newborn": {**real["old"], "born": True}}
     run(tmp_path, {"settings": {"fold": FOLD}, "late": study})
     rows = rows_of(tmp_path / "results/table-late.tsv")
-    assert [row["kind"] for row in rows] == ["fetus", "fetus", "newborn", *["usual"] * 2, *["uneven"] * 2]
-    assert float(rows[3]["area_cm2"]) < float(rows[4]["area_cm2"]) < float(rows[1]["area_cm2"])
+    assert [row["kind"] for row in rows] == ["newborn", "fetus", "fetus", *["uneven"] * 2, *["usual"] * 2]
+    assert float(rows[5]["area_cm2"]) < float(rows[6]["area_cm2"]) < float(rows[1]["area_cm2"])
     assert "24.3 weeks" in (tmp_path / "results/table-late.txt").read_text()
 
 
