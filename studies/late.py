@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from spectrum import BANDS, band_powers, basins
 
-from cortet.folding.fold_figures import weeks
+from cortet.folding.fold_figures import as_real_brains, weeks
 from cortet.folding.fold_views import Brain
 from cortet.folding.measurements import depth_below_hull, shape
 from cortet.folding.surface_growth import smoothed
@@ -30,7 +30,7 @@ from cortet.report.figures import PAGE, drawn, letter, save
 from cortet.report.table_files import Table, write
 
 FETUS, NEWBORN = "fetus", "newborn"
-#: column -> heading, unit, digits; of these, the index and the powers differ from the truth by their value, others in %
+#: column -> heading, unit, digits
 QUANTITIES = {
     "gyrification_index": ("gyrification index", "", 3),
     "area_cm2": ("area", "cm²", 0),
@@ -63,17 +63,15 @@ LATE = Table(
 def measured(brain: Brain) -> dict[str, Any]:
     """The `QUANTITIES` of a surface; its medial wall, where curvature is NaN, has no folds."""
     surface, wall = brain.surface, np.isnan(brain.curvature)
-    found = shape(surface.points, surface.faces, wall, float("nan"))
+    found = as_real_brains(pd.DataFrame([shape(surface.points, surface.faces, wall, float("nan"))])).iloc[0]
     powers, _ = band_powers(surface, np.where(wall, 0.0, brain.curvature))
     bottoms = basins(np.where(wall, 0.0, depth_below_hull(surface.points)), surface.faces)
-    own = {
-        "area_cm2": found["area_mm2"] / 100,
-        "volume_ml": found["volume_mm3"] / 1000,
+    folds = {
         "basins": len(bottoms),
         "basin_depth_mm": float(bottoms.mean()) if len(bottoms) else None,
         **{f"band_{band}": float(power) for band, power in enumerate(powers, 1)},
     }
-    return {name: value for name, value in {**found, **own}.items() if name in QUANTITIES}
+    return {name: folds[name] if name in folds else found[name] for name in QUANTITIES}
 
 
 def undulation(surface: TriSurface, mean_mm: float, sd_mm: float, length_mm: float, seed: int) -> FloatArray:
@@ -90,14 +88,9 @@ def undulation(surface: TriSurface, mean_mm: float, sd_mm: float, length_mm: flo
 
 def truth(table: pd.DataFrame, ages: Sequence[float]) -> pd.DataFrame:
     """Means of the fetuses of a table at some ages, a line between ages, NaN beyond them."""
-    fetuses = table[table["kind"] == FETUS].groupby("week")[[*QUANTITIES]].mean()
-    known = {
-        name: np.interp(ages, fetuses.index, fetuses[name], left=np.nan, right=np.nan)
-        if len(fetuses)
-        else np.full(len(ages), np.nan)
-        for name in QUANTITIES
-    }
-    return pd.DataFrame(known, index=list(ages))
+    known = table[table["kind"] == FETUS].groupby("week")[[*QUANTITIES]].mean().astype(float)
+    between = known.reindex(known.index.union(ages)).interpolate("index", limit_area="inside")
+    return between.loc[[*ages]]
 
 
 def late_figure(table: pd.DataFrame) -> Figure:

@@ -7,8 +7,10 @@ from pathlib import Path
 from late import measured, undulation
 
 import cortet
+from cortet.folding.fold import SAME_AGE
 from cortet.folding.fold_views import simulated_brain
 from cortet.folding.journal import SERIES, series
+from cortet.folding.measures import weeks_of
 from cortet.formats.gifti import read_surface
 
 of, output, params = snakemake.wildcards, snakemake.output, snakemake.params
@@ -29,15 +31,16 @@ made = cortet.mesh(
 )
 folder = Path(output.record).parent
 began = time.process_time()
-fold = {**params.settings.get("fold", {}), **changes, "end": max(params.weeks)}
+weeks = weeks_of(params.weeks, params.brain["ga"], max(params.weeks))
+fold = {**params.settings.get("fold", {}), **changes, "end": max(weeks), "surfaces": weeks}  # frames of these weeks
 folded = cortet.fold(made, folder=folder, progress=False, **fold)
 seconds = time.process_time() - began
 frames = series(folder / SERIES)
 rows = [
     {"week": week, **measured(simulated_brain(path))}
-    for week in params.weeks
+    for week in weeks
     for path, age in frames
-    if abs(age - week) < 1e-6
+    if abs(age - week) < SAME_AGE
 ]
 facts = {"brain": of.name, "kind": of.lever, "cell_size_mm": size, "tets": len(made.mesh.cells), "cpu_s": seconds}
 record = {"of": facts, "verdict": folded.verdict, "rows": rows}
