@@ -72,20 +72,6 @@ PREDICTION = Table(
             )
             for which, whose in (("", "predicted"), ("real_", "real"))
         ),
-        _column(
-            "depth_sd_mm",
-            "Standard deviation of the predicted depth over the variants, mean",
-            "mm",
-            "sd of depth (mm)",
-            ".2f",
-        ),
-        _column(
-            "among",
-            "Share of the area below the hull where the real depth is within two of them of the mean",
-            "",
-            "real within 2 sd",
-            ".2f",
-        ),
         Column("residual", "Measured less simulated growth after the last round: logarithm of the area, rms"),
         Column("outcome", "How the fold ended"),
     ),
@@ -275,9 +261,8 @@ def write_run(prediction: Prediction, series: Series, folder: Path) -> dict[str,
     }
 
 
-def prediction_table(records: Sequence[Mapping[str, Any]], spreads: Sequence[Mapping[str, Any]] = ()) -> pd.DataFrame:
-    """A row per series, kind and age from the records of runs, and from those of how far they lie apart."""
-    known = {(one["series"], one["kind"], row["gestational_age"]): row for one in spreads for row in one["ages"]}
+def prediction_table(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
+    """A row per series, kind and age from the records of runs."""
     rows = []
     for record in records:
         left = record["residuals"][-1] if record["residuals"] else {}
@@ -285,9 +270,7 @@ def prediction_table(records: Sequence[Mapping[str, Any]], spreads: Sequence[Map
             outcome = record["verdict"]["outcome"] if record["verdict"] else None
             residual = None if row["lobe"] else left.get(f"rms_{row['gestational_age']:g}")
             which = {"series": record["series"], "kind": record["kind"]}
-            apart = {} if row["lobe"] else known.get((*which.values(), row["gestational_age"]), {})
-            sure = {name: apart.get(name) for name in ("depth_sd_mm", "among")}
-            rows.append({**which, **row, **sure, "residual": residual, "outcome": outcome})
+            rows.append({**which, **row, "residual": residual, "outcome": outcome})
     return pd.DataFrame(rows, columns=names(PREDICTION.columns))
 
 
@@ -302,10 +285,9 @@ def predicted_surfaces(folder: Path) -> dict[float, FloatArray]:
     return {age: read_surface(path).points for age, path in sorted(files.items())}
 
 
-def write_prediction(records: Sequence[Path], spreads: Sequence[Path], outputs: Sequence[str | Path]) -> None:
-    """Write table and figure of the records of some runs, and of their spreads, in the form of each path's suffix."""
-    found = ([json.loads(path.read_text(encoding="utf-8")) for path in paths] for paths in (records, spreads))
-    table = prediction_table(*found)
+def write_prediction(records: Sequence[Path], outputs: Sequence[str | Path]) -> None:
+    """Write table and figure of the records of some runs, in the form of each path's suffix."""
+    table = prediction_table([json.loads(path.read_text(encoding="utf-8")) for path in records])
     figures = [path for path in map(Path, outputs) if path.suffix in (".svg", ".pdf", ".png")]
     write(PREDICTION, table, *(path for path in map(Path, outputs) if path not in figures))
     save(prediction_figure(table), *figures)

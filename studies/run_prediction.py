@@ -13,21 +13,18 @@ from cortet.folding.section import Settings
 from cortet.report.figures import save
 
 given, output, params = snakemake.input, snakemake.output, snakemake.params
-options, changed = dict(params.options), dict(params.changed)
 files = dict(zip(params.ages, map(Path, given.surfaces), strict=True))
 labels = Path(given.labels) if given.labels else None
 series = read_series(files, [*map(Path, given.spheres)], params.hemi, labels)
-cell_size = changed.pop("cell_size", options.pop("cell_size"))
-generate = {**params.settings.get("generate", {}), **({"seed": changed.pop("seed")} if "seed" in changed else {})}
 made = cortet.mesh(
     series.first,
-    cell_size,
+    params.cell_size,
     ga=series.ages[0],
     hemi=params.hemi,
-    settings={**params.settings, "generate": generate},
+    settings=params.settings,
     progress=False,
 )
-fold = load({"fold": {**params.settings.get("fold", {}), **changed}})
+fold = load({"fold": params.settings.get("fold", {})})
 facts = {"gestational_age": series.ages[0], "hemisphere": params.hemi}
 folder = Path(output.record).parent
 prediction = predict(
@@ -37,7 +34,7 @@ prediction = predict(
     folder,
     settings=Settings(**fold.fold.values(), **facts),
     say=print,
-    **options,
+    **params.options,
 )
 record = {"series": snakemake.wildcards.name, **write_run(prediction, series, folder)}
 Path(output.record).write_text(json.dumps(record), encoding="utf-8")

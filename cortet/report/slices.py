@@ -72,9 +72,9 @@ def slices(mesh: TetMesh, name: str, volume: Volume, path: str | Path, frame: Co
         else:
             axes.imshow(plane, extent=extent, origin="lower", interpolation="nearest", cmap="gray")
         polygons, cell = cut(points, mesh.cells, across, float(middle[across]))
-        flat = [polygon[:, [right, up]] for polygon in polygons]
+        flat = polygons[:, :, [right, up]]
         lines = [_DARK * colours[key] for key in labels[cell].tolist()]
-        axes.add_collection(PolyCollection(flat, facecolors="none", edgecolors=lines, linewidths=0.5))
+        axes.add_collection(_drawn(flat, facecolors="none", edgecolors=lines, linewidths=0.5))
         axes.set_title(f"{title}, {where(across, middle[across])}")
         axes.set(xlabel=_AXES[right], ylabel=_AXES[up])
         axes.set_facecolor("white" if labelled else "black")
@@ -106,11 +106,16 @@ def draw_section(axes: Axes, mesh: TetMesh, plane: str, position: float, colours
     """
     across, right, up = PLANES[plane]
     polygons, cell = cut(mesh.points, mesh.cells, across, position)
-    flat = [polygon[:, [right, up]] for polygon in polygons]
+    flat = polygons[:, :, [right, up]]
     fill = (_of_regions(mesh) if colours is None else colours)[cell]
-    axes.add_collection(PolyCollection(flat, facecolors=fill, edgecolors=_DARK * fill, linewidths=_LINE))
+    axes.add_collection(_drawn(flat, facecolors=fill, edgecolors=_DARK * fill, linewidths=_LINE))
     axes.autoscale_view()
     axes.set(aspect="equal", xlabel=_AXES[right], ylabel=_AXES[up])
+
+
+def _drawn(polygons: FloatArray, **look: Any) -> PolyCollection:
+    """Polygons (k, 4, 2) for an axis."""
+    return PolyCollection(polygons, **look)  # type: ignore[arg-type]  # of one array it makes paths three times as fast
 
 
 def _of_regions(mesh: TetMesh) -> FloatArray:
@@ -130,14 +135,18 @@ def section(mesh: TetMesh, plane: str, position: float, colours: FloatArray | No
     return np.asarray(canvas.buffer_rgba())
 
 
-def cut(points: FloatArray, cells: IntArray, axis: int, position: float) -> tuple[list[FloatArray], NDArray[Any]]:
-    """Polygons in which a plane across an axis cuts tetrahedra: the corners of each (k, 3), and its tetrahedron."""
+def cut(points: FloatArray, cells: IntArray, axis: int, position: float) -> tuple[FloatArray, NDArray[Any]]:
+    """Polygons in which a plane across an axis cuts tetrahedra: (k, 4, 3), and the tetrahedron of each.
+
+    The last corner of a triangle comes twice.
+    """
     import pyvista  # loads VTK, which a module of pages need not
 
     grid = pyvista.UnstructuredGrid({pyvista.CellType.TETRA: cells}, points)
     grid.cell_data["cell"] = np.arange(len(cells))
     found = grid.slice(normal="xyz"[axis], origin=np.full(3, position))
-    return [found.points[polygon] for polygon in found.irregular_faces], found.cell_data["cell"]
+    corners = [polygon[[0, 1, 2, -1]] for polygon in found.irregular_faces]
+    return np.asarray(found.points)[np.array(corners, int).reshape(-1, 4)], np.asarray(found.cell_data["cell"])
 
 
 def _image(

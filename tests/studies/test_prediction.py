@@ -18,7 +18,6 @@ from prediction import (
     shuffled_growth,
     uniform_growth,
 )
-from prediction_spread import checked, spreads
 from prediction_tables import correlation, predicted_surfaces, scores, write_run
 from series import Series, lobes_of, series_of
 from shapes import ball_mesh, ball_surface
@@ -200,27 +199,3 @@ def test_ages_of_weeks_and_days_are_predicted_as_they_are(tmp_path):
     assert list(predicted_surfaces(tmp_path)) == [age, 23.0]
     write_run(replace(found, points={23.0: found.points[23.0]}), series, tmp_path)
     assert list(predicted_surfaces(tmp_path)) == [23.0], "nothing of an earlier run stays"
-
-
-# --- how sure they are
-
-
-def test_runs_that_differ_in_size_lie_apart_by_their_sizes():
-    series = balls()
-    points, sizes = series.first.points, np.array([0.9, 1.0, 1.3])
-    turned = [{24.0: size * points @ TURN.T + 7.0} for size in sizes]  # a place in the file means nothing
-    spread = spreads(series, turned)[24.0]
-    radius = np.linalg.norm(points - np.average(points, axis=0, weights=series.weights), axis=1)
-    assert spread.position_sd == pytest.approx(radius * sizes.std(ddof=1), rel=1e-6)
-    with pytest.raises(InputError, match="one run has no spread"):
-        spreads(series, turned[:1])
-
-
-def test_the_truth_is_among_predictions_that_lie_around_it_and_not_among_others():
-    series = balls()  # whose bumps are 0.2 high at 24 weeks
-    around, beside = (
-        checked(series, spreads(series, [{24.0: bumpy(2.2, height).points} for height in heights]))[0]
-        for heights in ((0.15, 0.2, 0.25), (0.4, 0.41, 0.42))
-    )
-    assert around["among"] > 0.9 and beside["among"] < 0.1, "vertices on the hull in all of them do not count"
-    assert around["depth_sd_mm"] > beside["depth_sd_mm"] and around["depth_error_mm"] < beside["depth_error_mm"]
