@@ -1,6 +1,7 @@
 """Does a flat cortex fold in the solver when theory says, and as wide?
 
     python studies/fold_strips.py [--spacing 0.5] [--thickness 1 --thickness 2] [--stiffness 1 --stiffness 5]
+    python studies/fold_strips.py --thickness 1.25 --stiffness 1 --coarse --spacing 1 [--cut]
 
 What folds is a strip, one layer of elements wide, that can slide along its sides and its bottom but not leave them.
 The exact onset is that of `fold_theory.py`; stiffness is the layer's shear modulus over the base's, as in the
@@ -13,6 +14,9 @@ measured : the layer begins with a bump, a cosine of a hundredth of its thicknes
     the least of a parabola through them is the onset.
 from noise : the surface is displaced at random by a thousandth of the thickness and grows until it is rough; the
     wavelength is that of the mean wave number, each weighted by its power.
+`--coarse` makes cells as high as they are wide, as in the mesh of a brain. `--cut` gives each of them the mean of growth
+over it, in place of that at its centroid. `--own` is the part of its shear energy that an element has of its own.
+
 Allen : 2 pi H (E_f / 3 E_s)^(1/3) for a thickness H and plane-strain moduli E = 2 mu / (1 - nu) of a stiff film on a
     soft base (Allen 1969).
 """
@@ -34,7 +38,7 @@ from scipy.fft import dct
 from cortet.folding.body import Body, Material, Scale, body_of
 from cortet.folding.contact import contact_of
 from cortet.folding.kernels import DONE, Motion, advance, workspace
-from cortet.folding.law import ACROSS
+from cortet.folding.law import ACROSS, depth_of_share, growth_share
 from cortet.folding.models import course, tangential
 from cortet.folding.stability import longest_step
 from cortet.geometry.topology import boundary_faces
@@ -72,12 +76,18 @@ class Wrinkles(NamedTuple):
     heights: FloatArray
 
 
-def strip(length: float, depth: float, film: float, spacing: float) -> TetMesh:
-    """A box [0, length] x [0, spacing] x [-depth, 0] of Kuhn tetrahedra, finest down to twice the film's thickness."""
-    fine = np.arange(0, 2 * film, spacing / 2)
-    coarse = [2 * film]
+def strip(length: float, depth: float, film: float, spacing: float, height: float | None = None) -> TetMesh:
+    """A box [0, length] x [0, spacing] x [-depth, 0] of Kuhn tetrahedra, finest down to twice the film's thickness.
+
+    Parameters
+    ----------
+    height : of the finest cells; None: half of `spacing`
+    """
+    height = height or spacing / 2
+    fine = np.arange(0, 2 * film - height / 2, height)
+    coarse = [fine[-1] + height]
     while coarse[-1] < depth:
-        coarse.append(coarse[-1] + min(spacing / 2 * _GRADING ** len(coarse), depth / 6))
+        coarse.append(coarse[-1] + min(height * _GRADING ** len(coarse), depth / 6))
     z = -np.concatenate([fine, coarse])[::-1]
     axes = np.linspace(0, length, round(length / spacing) + 1), np.array([0.0, spacing]), z
     points = np.stack([w.ravel() for w in np.meshgrid(*axes, indexing="ij")], axis=1)
@@ -112,16 +122,30 @@ class Strip(NamedTuple):
     surface: IntArray
 
 
-def film(mesh: TetMesh, thickness: float) -> Strip:
-    """What grows is down to a thickness below the upper surface of a `strip`."""
+def film(mesh: TetMesh, thickness: float, *, cut: bool = False) -> Strip:
+    """What grows is down to a thickness below the upper surface of a `strip`.
+
+    Parameters
+    ----------
+    cut : whether an element grows by the mean over it, not by the value at its centroid
+    """
     x, y, z = mesh.points.T
     m, n = len(mesh.cells), len(mesh.points)
+    depth = -mesh.points[mesh.cells][:, :, 2]
+    own = _depth_of_mean(depth, thickness) if cut else depth.mean(axis=1)
     body = body_of(mesh, Scale(np.zeros(3), 1.0), thickness=thickness)._replace(
-        normals=np.tile([0.0, 0.0, 1.0], (m, 1)), depth=-mesh.points[mesh.cells][:, :, 2].mean(axis=1)
+        normals=np.tile([0.0, 0.0, 1.0], (m, 1)), depth=own
     )
     held = [(x == 0) | (x == x.max()), np.full(n, True), z == z.min()]
     surface = np.flatnonzero((z == 0) & (y == 0)).astype(np.int32)
     return Strip(mesh.points, body, held, surface[np.argsort(x[surface])])
+
+
+def _depth_of_mean(depths: FloatArray, thickness: float) -> FloatArray:
+    """Depth at which the share of the layer is its mean over a tetrahedron with corners at depths (m, 4): (m,)."""
+    inside = np.random.default_rng(0).dirichlet(np.ones(4), 500)  # barycentric coordinates, even over the tetrahedron
+    share = np.vectorize(growth_share)(depths @ inside.T, thickness, 1.0).mean(axis=1)
+    return np.vectorize(depth_of_share)(share, thickness)
 
 
 def across_at(growth: float, across: float, onset_growth: float) -> float:
@@ -169,14 +193,14 @@ def rate_of(periods: float, growth: float, wavelength: float, material: Material
     return growth / (periods * wavelength * np.sqrt(material.density / material.mu_core))
 
 
-def wrinkle(mesh: TetMesh, thickness: float, material: Material, across: float = 0.0) -> Wrinkles:
+def wrinkle(mesh: TetMesh, thickness: float, material: Material, across: float = 0.0, *, cut: bool = False) -> Wrinkles:
     """Let the film of a strip grow from noise until it wrinkles.
 
     Raises
     ------
     RuntimeError : an element inverted, or the film stayed flat
     """
-    strip, exact, start = film(mesh, thickness), onset(material, across=across), mesh.points.copy()
+    strip, exact, start = film(mesh, thickness, cut=cut), onset(material, across=across), mesh.points.copy()
     free = ~strip.held[2]
     start[free, 2] += _SEED * thickness * np.random.default_rng(0).normal(size=free.sum())
     rate = rate_of(_PERIODS, exact.growth, exact.wavelength * thickness, material)
@@ -190,19 +214,33 @@ def wrinkle(mesh: TetMesh, thickness: float, material: Material, across: float =
 
 
 def critical_growth(
-    wavelength: float, spacing: float, thickness: float, material: Material, expected: float, across: float = 0.0
+    wavelength: float,
+    spacing: float,
+    thickness: float,
+    material: Material,
+    expected: float,
+    across: float = 0.0,
+    *,
+    coarse: bool = False,
+    cut: bool = False,
 ) -> float:
     """Growth at which a wave of this length would appear, from how a bump of its shape grows.
+
+    Parameters
+    ----------
+    coarse : whether cells are as high as they are wide
+    cut : as of `film`
 
     Raises
     ------
     RuntimeError : an element inverted, or the bump had not grown at three times the growth that was expected
     """
-    flat = film(strip(wavelength, 2 * wavelength + 2 * thickness, thickness, spacing), thickness)
+    mesh = strip(wavelength, 2 * wavelength + 2 * thickness, thickness, spacing, spacing if coarse else None)
+    flat = film(mesh, thickness, cut=cut)
     wave = np.cos(2 * np.pi * flat.points[:, 0] / wavelength)
     bumpy = flat.points.copy()
     bumpy[:, 2] += _BUMP * thickness * wave * np.exp(2 * np.pi / wavelength * bumpy[:, 2]) * ~flat.held[2]
-    flat = film(TetMesh(bumpy, flat.body.cells), thickness)._replace(held=flat.held, surface=flat.surface)
+    flat = flat._replace(points=bumpy, body=film(TetMesh(bumpy, mesh.cells), thickness, cut=cut).body)
     seen, first = [], 0.0
     rate = rate_of(_BUMP_PERIODS, expected, wavelength, material)
     path = partial(across_at, across=across, onset_growth=expected)
@@ -220,11 +258,12 @@ def critical_growth(
 
 
 def measured_onset(
-    spacing: float, thickness: float, material: Material, exact: Onset, across: float = 0.0
+    spacing: float, thickness: float, material: Material, exact: Onset, across: float = 0.0, **how: bool
 ) -> tuple[float, float]:
-    """Least critical growth and its wavelength."""
+    """Least critical growth and its wavelength; `how` as of `critical_growth`."""
     waves = np.array(_WAVES) * exact.wavelength * thickness
-    return least(waves, [critical_growth(wave, spacing, thickness, material, exact.growth, across) for wave in waves])
+    given = spacing, thickness, material, exact.growth, across
+    return least(waves, [critical_growth(wave, *given, **how) for wave in waves])
 
 
 def least(waves: FloatArray, growths: Sequence[float]) -> tuple[float, float]:
@@ -248,6 +287,9 @@ def strips(
     thickness: tuple[float, ...] = (1.0, 2.0),
     stiffness: tuple[float, ...] = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0),
     across: float = 0.0,
+    coarse: bool = False,
+    cut: bool = False,
+    own: float = Material().own,
 ) -> None:
     """Measure the onset on strips.
 
@@ -261,16 +303,22 @@ def strips(
         Of the layer over that of its base.
     across
         Growth across the layer at the onset.
+    coarse
+        Cells as high as they are wide.
+    cut
+        The mean of an element's growth in place of that at its centroid.
+    own
+        Part of its shear energy that an element has of its own, the rest by its edges.
     """
     print("                     exact               measured / exact     from noise        Allen")
     print("thickness stiffness  growth  wavelength  growth  wavelength  wavelength  wavelength  CPU s")
     for film_thickness, ratio in product(thickness, stiffness):
-        began, material = time.process_time(), material_of(ratio)
+        began, material = time.process_time(), material_of(ratio)._replace(own=own)
         exact = onset(material, across=across)
-        growth, wavelength = measured_onset(spacing, film_thickness, material, exact, across)
+        growth, wavelength = measured_onset(spacing, film_thickness, material, exact, across, coarse=coarse, cut=cut)
         length = exact.wavelength * film_thickness
-        mesh = strip(_LENGTH * length, 2 * length, film_thickness, spacing)
-        noisy = wrinkle(mesh, film_thickness, material, across)
+        mesh = strip(_LENGTH * length, 2 * length, film_thickness, spacing, spacing if coarse else None)
+        noisy = wrinkle(mesh, film_thickness, material, across, cut=cut)
         allen = theory(film_thickness * (1 + across), material)[0]
         print(
             f"{film_thickness:9g} {ratio:9g} {exact.growth:7.3f} {length:11.2f} {growth / exact.growth:7.3f}"
