@@ -14,7 +14,7 @@ measured : the layer begins with a bump, a cosine of a hundredth of its thicknes
     the least of a parabola through them is the onset.
 from noise : the surface is displaced at random by a thousandth of the thickness and grows until it is rough; the
     wavelength is that of the mean wave number, each weighted by its power.
-`--coarse` makes cells as high as they are wide, as in the mesh of a brain. `--cut` gives each of them the mean of growth
+`--coarse` makes cells as high as they are wide, as those of a brain are. `--cut` gives each of them the mean of growth
 over it, in place of that at its centroid. `--own` is the part of its shear energy that an element has of its own.
 
 Allen : 2 pi H (E_f / 3 E_s)^(1/3) for a thickness H and plane-strain moduli E = 2 mu / (1 - nu) of a stiff film on a

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import App, Group, Parameter, Token
+from cyclopts import App, Parameter, Token
 
 import cortet
-from cortet.cli.shared import GROWTH, Common, Configured, Writes, add
+from cortet.cli.shared import GROWTH, Configured, Writes, add
 from cortet.cli.values import (
     FieldsFile,
     FolderOfFiles,
@@ -59,8 +59,6 @@ AgedFiles = Annotated[Sequence[tuple[float, str]], pairs(aged_file, "WEEKS=FILE"
 def add_commands(app: App) -> None:
     """Add `fold` and `growth`."""
     add(app, GROWTH, fold, growth)
-    add(app["fold"], Group("Parameters"), status, name="--status")
-    app["fold"].usage = "Usage: cortet fold [OPTIONS] --output DIR MESH, or cortet fold --status DIR"
 
 
 def fold(
@@ -170,14 +168,6 @@ def fold(
     for path in draw(output, side, beside, maps, measure):
         print(f"{path}: drawn")
     return 0 if verdict.outcome == "folded" else 1
-
-
-def status(folder: Annotated[Path, Parameter(name="DIR")], /, *, _: Common = Common()) -> int:
-    """Print the progress of the fold in a folder, and exit."""
-    from cortet.folding.journal import reached
-
-    print(reached(folder))
-    return 0
 
 
 def growth(

@@ -34,6 +34,8 @@ Placement = tuple[tuple[float, ...], ...] | str | None
 
 #: arguments that name a file; what a job makes depends on the content of files, not on their names
 _LOCATIONS = ("source", "sphere_file")
+#: stages of the table of stages
+_TABLED = ("generate", "relocate", "clean", "solver_ready")
 #: stands in the name of a common sphere if the hemisphere of a case is not known: no file has this name
 _NO_HEMISPHERE = "{hemi}"
 
@@ -129,8 +131,8 @@ class Jobs:
         return [*final, *self.each_case(self.layout.certificate).values()]
 
     def measured_stages(self) -> list[str]:
-        """Labels of the stages whose meshes are measured."""
-        return [LABELS[stage] for stage in self.config.quality.stages if self.config.enabled(stage)]
+        """Labels of the stages that the table of stages shows."""
+        return [LABELS[stage] for stage in _TABLED if self.config.enabled(stage)]
 
     def quality_records(self) -> list[str]:
         """Quality records of all meshes."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import glob
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from cortet.cohort.ages import ages_at_scan
-from cortet.cohort.sheet import HEMISPHERES, WHITE, Case, filled_in
+from cortet.cohort.sheet import HEMISPHERES, WHITE, Case, is_file_name
 from cortet.config import Scan
 from cortet.errors import InputError
 from cortet.formats.untrusted import ELSEWHERE, content_is_elsewhere, is_there
@@ -39,7 +40,7 @@ def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], obj
     sessions = list(dict.fromkeys((participant, session) for participant, session, _ in found))
     tables = {
         (participant, session): [
-            (name, directory / filled_in(name, {"participant": participant, "session": session}))
+            (name, directory / _filled(name, {"participant": participant, "session": session}))
             for name in (patterns.sessions, patterns.participants)  # the first tables count most
         ]
         for participant, session in sessions
@@ -191,12 +192,24 @@ def _volumes_of(
     found = {}
     for name, several in patterns.volumes.items():
         usable = [pattern for pattern in several if set(re.findall(r"\{([^{}]*)\}", pattern)) <= known.keys()]
-        files = [directory / filled_in(pattern, known) for pattern in usable]
+        files = [directory / _filled(pattern, known) for pattern in usable]
         if existing := [file for file in files if file.is_file()]:
             found[name] = str(existing[0])
         elif away := [file for file in files if content_is_elsewhere(file)]:
             say(f"{away[0]}: {ELSEWHERE}, so the volume {name} is left out (datalad get {away[0]})")
     return found
+
+
+def _filled(pattern: str, values: Mapping[str, Any]) -> str:
+    """A pattern with its placeholders `{name}` filled in; nothing else in it has a meaning."""
+    remedy = f"placeholders here are {', '.join(f'{{{name}}}' for name in values)}"
+    for name in re.findall(r"\{([^{}]*)\}", pattern):
+        if name not in values:
+            raise InputError(f"{pattern!r} cannot be filled in: no {name!r}", remedy=remedy)
+    filled = re.sub(r"\{([^{}]*)\}", lambda match: str(values[match[1]]), pattern)
+    if not is_file_name(filled):
+        raise InputError(f"{pattern!r} cannot be filled in: {filled!r} is not a file name", remedy=remedy)
+    return filled
 
 
 def _around(path: Path) -> tuple[Path, dict[str, Path]]:

@@ -111,13 +111,12 @@ class Case:
         return self.surface == PHANTOM
 
 
-def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> list[Case]:
+def read_sheet(path: Path) -> list[Case]:
     """The rows of a cohort sheet, excluded ones too.
 
     Parameters
     ----------
     path : the sheet; relative file names in it are relative to its folder
-    field_patterns : file patterns of per-vertex fields of every case; placeholders are columns of the sheet
 
     Raises
     ------
@@ -133,7 +132,7 @@ def read_sheet(path: Path, field_patterns: Mapping[str, str] | None = None) -> l
     for line, row in zip(table.index, table.to_dict("records"), strict=True):
         wrong = [miscounted[line]] if line in miscounted else list(_row_problems(row))
         if not wrong:
-            cases.append(_case(row, path.parent, field_patterns or {}))
+            cases.append(_case(row, path.parent))
             name = cases[-1].name
             if (other := lines.setdefault(name.lower(), line)) != line:
                 wrong.append(
@@ -264,7 +263,7 @@ def _value_problems(column: str, value: str) -> Iterator[str]:
             f"column {column}: {value!r} is not a cell size (use a number from {smallest:g} to {largest:g}, mm, a "
             "multiple of 0.001, or n/a for the sizes of the configuration)"
         )
-    if _names_files(column) and not _is_file_name(value):
+    if _names_files(column) and not is_file_name(value):
         yield (
             f"column {column}: {value!r} cannot be a file name here "
             "(avoid braces, wildcards, control characters and long names)"
@@ -309,7 +308,7 @@ def _is_cell_size(value: float | None) -> bool:
     return abs(1000 * value - round(1000 * value)) < 1e-6
 
 
-def _is_file_name(text: str) -> bool:
+def is_file_name(text: str) -> bool:
     """Whether a file of this name can be an input of the workflow."""
     if re.search(r"[{}*?]", text) or _CONTROL.search(text):
         return False
@@ -317,17 +316,15 @@ def _is_file_name(text: str) -> bool:
     return len(name) < 4096 and max(map(len, name.split(b"/"))) < 256  # what Linux takes
 
 
-def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str]) -> Case:
+def _case(row: Mapping[str, str], folder: Path) -> Case:
     """The case of a valid row."""
     given = {column: value for column, value in row.items() if value not in MISSING}
 
-    def located(prefix: str, values: Mapping[str, str]) -> dict[str, Any]:
+    def located(prefix: str) -> dict[str, Any]:
         """The files of the columns that begin with a prefix, by the rest of their names."""
-        own = {column: value for column, value in values.items() if column.startswith(prefix)}
+        own = {column: value for column, value in given.items() if column.startswith(prefix)}
         return {column.removeprefix(prefix): _located(value, folder) for column, value in own.items()}
 
-    patterns = {FIELD_PREFIX + name: filled_in(pattern, row) for name, pattern in field_patterns.items()}
-    fields = {name: value for name, value in {**patterns, **row}.items() if value not in MISSING}
     inner = {region: _located(value, folder) for name, value in given.items() if (region := _region(name))}
     alone = {name: _located(given[name], folder) for name in _FILES if name in given}
     include = row["include"].lower() in YES
@@ -339,8 +336,8 @@ def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str
         surface=alone["surface"],
         include=include,
         exclude_reason="" if include else row["exclude_reason"],
-        fields=located(FIELD_PREFIX, fields),
-        volumes={name: str(file) for name, file in located(VOLUME_PREFIX, given).items()},
+        fields=located(FIELD_PREFIX),
+        volumes={name: str(file) for name, file in located(VOLUME_PREFIX).items()},
         inner=inner,
         sphere=alone.get(SPHERE),
         unit=given.get(UNIT),
@@ -353,18 +350,6 @@ def _case(row: Mapping[str, str], folder: Path, field_patterns: Mapping[str, str
 def _is_known(column: str) -> bool:
     """Whether a column has a meaning here; others are carried through."""
     return column in (*COLUMNS, UNIT, CELL_SIZE) or _names_files(column)
-
-
-def filled_in(pattern: str, values: Mapping[str, Any]) -> str:
-    """A pattern with its placeholders `{name}` filled in; nothing else in it has a meaning."""
-    remedy = f"placeholders here are {', '.join(f'{{{name}}}' for name in values)}"
-    for name in re.findall(r"\{([^{}]*)\}", pattern):
-        if name not in values:
-            raise InputError(f"{pattern!r} cannot be filled in: no {name!r}", remedy=remedy)
-    filled = re.sub(r"\{([^{}]*)\}", lambda match: str(values[match[1]]), pattern)
-    if not _is_file_name(filled):
-        raise InputError(f"{pattern!r} cannot be filled in: {filled!r} is not a file name", remedy=remedy)
-    return filled
 
 
 def _located(name: str, folder: Path) -> Path | str:

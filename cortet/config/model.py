@@ -10,7 +10,7 @@ from pydantic import field_validator
 from cortet.config.experiments import Experiments
 from cortet.config.fold import Fold
 from cortet.config.section import Positive, Section, Setting
-from cortet.config.sections import Certify, Cohort, Export, Figures, Phantom, Quality
+from cortet.config.sections import Certify, Cohort, Export, Figures, Phantom
 from cortet.config.stages import (
     Clean,
     Gate,
@@ -67,7 +67,6 @@ class Config(Section):
     smooth_boundary: SmoothBoundary = SmoothBoundary()
     snap: Snap = Snap()
     certify: Certify = Certify()
-    quality: Quality = Quality()
     export: Export = Export()
     figures: Figures = Figures()
     fold: Fold = Fold()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     Solver = str
 else:  # a literal of names that come from a list is no type to mypy
     Solver = Literal[tuple(FORMATS)]
-StageName = Literal["generate", "transfer", "relocate", "clean", "reconnect", "smooth_boundary", "snap", "solver_ready"]
 
 
 class Scan(Section):
@@ -73,10 +72,6 @@ class Cohort(Section):
     surface `phantom` is a synthetic cortex with the scan_age and hemi of the row."""
     dataset: Path | None = None
     """Root of the dataset of the surfaces (`bids:raw:` in sidecars). null: the folder of the sheet."""
-    fields: dict[str, str] = {}
-    """Per-vertex fields (.shape/.func/.label.gii) of every case, name: file pattern. Placeholders are columns of the
-    sheet, e.g. thickness: "../{participant_id}/{session_id}/thickness_hemi-{hemi}.shape.gii". Names are relative to the
-    folder of the sheet. A column `field_<name>` overrides the pattern for its row."""
     scan: Scan = Scan()
 
 
@@ -90,15 +85,6 @@ class Phantom(Section):
     thickness: Positive = 1.5
     """Depth of the synthetic white surface (`phantom` in the column `inner`) below the cortical surface, mm. From 30
     weeks on, the folds are too narrow for the default."""
-
-
-class Quality(Section):
-    """Quality records of the meshes."""
-
-    choices: ClassVar[frozenset[str]] = Section.choices | {"stages"}
-
-    stages: list[StageName] = ["generate", "relocate", "clean", "solver_ready"]
-    """Stages whose mesh is measured, if they are enabled."""
 
 
 class Figures(Section):

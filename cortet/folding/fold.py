@@ -21,7 +21,6 @@ from cortet.folding.growth_map import ages_of_maps
 from cortet.folding.journal import (
     CHECKPOINT,
     FILES,
-    SECONDS,
     SERIES,
     SIDECAR,
     TABLE,
@@ -55,7 +54,6 @@ from cortet.formats.atomic import write_json
 from cortet.formats.ownership import delete, delete_abandoned, is_ours
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.formats.tables import write_table
-from cortet.formats.tsv import write_tsv
 from cortet.meshes import TetMesh
 
 VERSION: int = 13
@@ -152,7 +150,7 @@ def fold(
                 run, moment, measurements.gestational_age, mechanics(run, moment) if asked and not inverted else None
             )
         part = (moment.time - run.start) / (run.end - run.start)
-        journal.add_row(measurements, part, last=last)
+        journal.add_row(measurements, last=last)
         moment.work.min_j[0] = np.inf
         if progress:
             progress(measurements, part, journal.seconds)
@@ -251,14 +249,13 @@ class Journal:
         save_checkpoint(self.checkpoint, rest, arrays)
         self.saved = time.monotonic()
 
-    def add_row(self, measurements: Measurements, part: float, *, last: bool) -> None:
-        """Append to the tables; `part` is the share of the simulated time done. Files follow about once a second."""
-        self.rows.append({**asdict(measurements), "seconds": round(self.seconds, 2), "part": part})
+    def add_row(self, measurements: Measurements, *, last: bool) -> None:
+        """Append to the table, whose file follows about once a second."""
+        self.rows.append(asdict(measurements))
         if not last and time.monotonic() - self.written < _TABLE_SECONDS:
             return
         self.written = time.monotonic()
         write_table(COLUMNS, self.rows, self.folder / TABLE, self.folder / SIDECAR)
-        write_tsv(self.rows, ["step", "seconds", "part"], self.folder / SECONDS)
 
     def add_frame(self, run: Run, moment: Moment, age: float, felt: Mechanics | None = None) -> None:
         """Write a frame, in the numbering of the user's mesh, for weeks of surfaces with what elements feel."""

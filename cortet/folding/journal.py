@@ -15,17 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.folding.measurements import COLUMNS, Measurements
+from cortet.folding.measurements import Measurements
 from cortet.formats.atomic import atomic_path
-from cortet.formats.tables import names
-from cortet.formats.tsv import read_tsv
 from cortet.meshes import TetMesh
 
-#: files in the folder of a run; wall seconds have their own table, everything else is the same in every run
-TABLE, SIDECAR, SECONDS, VERDICT, SERIES = "fold.tsv", "fold.json", "seconds.tsv", "verdict.json", "fold.pvd"
+#: files in the folder of a run, which are the same in every run
+TABLE, SIDECAR, VERDICT, SERIES = "fold.tsv", "fold.json", "verdict.json", "fold.pvd"
 CHECKPOINT = "checkpoint.npz"
 #: files of a run in its folder, without frames
-FILES = (TABLE, SIDECAR, SECONDS, VERDICT, SERIES, CHECKPOINT)
+FILES = (TABLE, SIDECAR, VERDICT, SERIES, CHECKPOINT)
 
 #: called with every row of the table, the share of the steps done, and the seconds that they took
 Progress = Callable[[Measurements, float, float], None]
@@ -119,19 +117,6 @@ def per_percent(say: Callable[[str], None]) -> Progress:
             say(status(now, part, seconds))
 
     return progress
-
-
-def reached(folder: Path) -> str:
-    """How far the run in a folder had come when it wrote its last row; it may be running, killed, or done."""
-    import pandas as pd
-
-    if not (folder / TABLE).exists() or not (folder / SECONDS).exists():
-        raise InputError(
-            "no run has begun there", file=folder, remedy="name the folder that `cortet fold -o` writes to"
-        )
-    rows = read_tsv(folder / TABLE).apply(pd.to_numeric, errors="coerce").reindex(columns=names(COLUMNS))
-    clock = read_tsv(folder / SECONDS).apply(pd.to_numeric, errors="coerce").iloc[-1]
-    return status(Measurements(**rows.iloc[-1].to_dict()), float(clock["part"]), float(clock["seconds"]))
 
 
 def _duration(seconds: float) -> str:

@@ -126,7 +126,7 @@ def _by_field(surface: TriSurface, name: str, cell_size: float) -> list[FloatArr
         known = ", ".join(surface.point_data) or "none"
         raise InputError(
             f"generate.size_field: the surface has no field {name} (it has: {known})",
-            remedy="name a field of the surface, or give it: `--field NAME=FILE`, in a sheet `cohort.fields`",
+            remedy="name a field of the surface, or give it: `--field NAME=FILE`, in a sheet by a column `field_NAME`",
         )
     found = []
     for one in every:

@@ -126,16 +126,6 @@ def test_a_sheet_that_is_no_sheet_is_refused(tmp_path, text, keyword):
         read_sheet(path)
 
 
-def test_fields_come_from_the_configured_pattern_and_the_row_has_the_last_word(tmp_path):
-    rows = (GOOD + "\tn/a", GOOD.replace("007", "008") + "\town.shape.gii")
-    path = sheet(tmp_path, *rows, extra="\tfield_thickness")
-    first, second = read_sheet(path, {"thickness": "t/{participant_id}.shape.gii", "curv": "c/{hemi}.shape.gii"})
-    assert first.fields == {"curv": tmp_path / "c/L.shape.gii"}
-    assert second.fields == {"thickness": tmp_path / "own.shape.gii", "curv": tmp_path / "c/L.shape.gii"}
-    with pytest.raises(InputError, match="subject"):
-        read_sheet(path, {"thickness": "{subject}.shape.gii"})
-
-
 def test_a_sheet_is_complete_or_as_it_was(tmp_path):
     path = sheet(tmp_path, GOOD)
     before = path.read_bytes()

@@ -54,12 +54,7 @@ def table(folder: Path) -> pd.DataFrame:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """All files but the one with the seconds."""
-    return {
-        str(path.relative_to(folder)): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name != "seconds.tsv"
-    }
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
 @pytest.fixture(scope="module")

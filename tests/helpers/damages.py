@@ -178,9 +178,8 @@ def texts(folder: Path) -> Seeds:
     release = folder / "release" / "participants.tsv"
     release.write_text("participant_id\tscan_age\nsub-A\t28.5\nsub-B\tn/a\n")
     release.with_suffix(".json").write_text('{"scan_age": {"Units": "weeks", "Description": "at scan"}}')
-    patterns = {"thickness": "../{participant_id}/{site}.shape.gii"}
     return {
-        "sheet": (sheet, lambda path: read_sheet(path, patterns)),
+        "sheet": (sheet, read_sheet),
         "config": (config, load),
         "release": (release, lambda path: scan(path.parent)),
     }

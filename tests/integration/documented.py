@@ -86,7 +86,7 @@ def coarse(text: str) -> str:
         text += " --cell-size 4"
     text = re.sub("^cortet phantom ", "cortet phantom --subdivisions 3 ", text)
     text = re.sub("^cortet head ", "cortet head --subdivisions 4 ", text)
-    text = re.sub("^cortet fold (?!--status)", "cortet fold --force ", text)
+    text = re.sub("^cortet fold ", "cortet fold --force ", text)
     text = re.sub(r"^cortet fold (?!.*--end).*--ga (\d+).*", r"\g<0> --end \1.02", text)
     text = re.sub(r"^cortet cohort scan .*", r"\g<0> --force", text)  # pages share a folder, and name the same sheet
     return re.sub(r"^(make|snakemake)\b(?!.*--dry-run)", r"\1 --dry-run", text)

@@ -32,7 +32,6 @@ CONFIG: dict[str, Any] = {
     "cohort": {"sheet": "cohort.tsv"},
     "generate": {"cell_size": [4.0], "backend": "cgal", "odt": False, "lloyd": False, "perturb": False, "exude": False},
     "relocate": {"passes": 1},
-    "quality": {"stages": ["solver_ready"]},
     "certify": {"max_area_change": 0.2, "max_volume_change": 0.3, "max_mean_surface_distance": 0.15},
 }
 
