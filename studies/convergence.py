@@ -24,10 +24,10 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from outputs import write_outputs
 
 from cortet.folding.journal import TABLE
 from cortet.folding.measurements import depth_below_hull
-from cortet.formats.atomic import atomic_path
 from cortet.formats.gifti import read_surface
 from cortet.formats.tables import Column, Row, names
 from cortet.formats.tsv import read_tsv
@@ -35,8 +35,8 @@ from cortet.geometry.topology import face_areas
 from cortet.meshers import MESHERS
 from cortet.meshes import FloatArray
 from cortet.report.colours import BLUE, GREEN, VERMILION
-from cortet.report.figures import PAGE, H, drawn, letter, save
-from cortet.report.table_files import Table, mean_and_sd, write
+from cortet.report.figures import PAGE, H, drawn, letter
+from cortet.report.table_files import Table, mean_and_sd
 
 #: relative difference from the limit up to which a number counts as converged
 TOLERANCE = 0.05
@@ -401,13 +401,7 @@ def _draw_places(axis: Axes, table: pd.DataFrame) -> None:
 
 
 def write_convergence(folders: Sequence[Path], outputs: Sequence[str | Path]) -> None:
-    """Write table, figure and sentence of the runs in some folders, each in the form of the path's suffix."""
+    """Write table, figure and sentence of the runs in some folders."""
     runs = [read_run(folder) for folder in folders]
     table = convergence_table(runs)
-    figures = [path for path in map(Path, outputs) if path.suffix in (".svg", ".pdf", ".png")]
-    texts = [path for path in map(Path, outputs) if path.suffix == ".txt"]
-    write(CONVERGENCE, table, *(path for path in map(Path, outputs) if path not in figures and path not in texts))
-    save(convergence_figure(runs, table), *figures)
-    for path in texts:
-        with atomic_path(path) as temporary:
-            temporary.write_text(sentence(table) + "\n", encoding="utf-8")
+    write_outputs(outputs, CONVERGENCE, table, convergence_figure(runs, table), sentence(table) + "\n")

@@ -16,18 +16,18 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from outputs import write_outputs
 from spectrum import BANDS, band_powers, basins
 
 from cortet.folding.fold_figures import as_real_brains, weeks
 from cortet.folding.fold_views import Brain
 from cortet.folding.measurements import depth_below_hull, shape
 from cortet.folding.surface_growth import smoothed
-from cortet.formats.atomic import atomic_path
 from cortet.formats.tables import Column, names
 from cortet.meshes import FloatArray, TriSurface
 from cortet.report.colours import BLUE, GREY, VERMILION
-from cortet.report.figures import PAGE, drawn, letter, save
-from cortet.report.table_files import Table, write
+from cortet.report.figures import PAGE, drawn, letter
+from cortet.report.table_files import Table
 
 FETUS, NEWBORN = "fetus", "newborn"
 #: column -> heading, unit, digits
@@ -81,8 +81,9 @@ def undulation(surface: TriSurface, mean_mm: float, sd_mm: float, length_mm: flo
     ----------
     length_mm : full width at half maximum of the smoothing of the noise
     """
-    noise = np.random.default_rng(seed).normal(size=(len(surface.points), 1)).repeat(6, axis=1)
-    field = smoothed(noise, surface, length_mm).tensors[:, 0]
+    noise = np.random.default_rng(seed).normal(size=(len(surface.points), 1))
+    alike = noise * [1, 1, 1, 0, 0, 0]  # in all directions
+    field = smoothed(alike, surface, length_mm).tensors[:, :3].sum(axis=1)
     return np.maximum(mean_mm + sd_mm * (field - field.mean()) / field.std(), mean_mm / 3)
 
 
@@ -156,12 +157,6 @@ def late_table(records: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
 
 
 def write_late(records: Sequence[Path], outputs: Sequence[str | Path]) -> None:
-    """Write table, figure and comparison of the records of some brains, in the form of each path's suffix."""
+    """Write table, figure and comparison of the records of some brains."""
     table = late_table(json.loads(path.read_text(encoding="utf-8")) for path in records)
-    paths = [*map(Path, outputs)]
-    figures = [path for path in paths if path.suffix in (".svg", ".pdf", ".png")]
-    (text,) = (path for path in paths if path.suffix == ".txt")
-    write(LATE, table, *(path for path in paths if path not in (*figures, text)))
-    save(late_figure(table), *figures)
-    with atomic_path(text) as temporary:
-        temporary.write_text(comparison(table), encoding="utf-8")
+    write_outputs(outputs, LATE, table, late_figure(table), comparison(table))

@@ -12,6 +12,7 @@ import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from outputs import write_outputs
 from prediction import Prediction
 from series import Series, aligned
 
@@ -22,8 +23,8 @@ from cortet.formats.gifti import read_surface, write_fields, write_surface
 from cortet.formats.tables import Column, names
 from cortet.meshes import FloatArray, TriSurface
 from cortet.report.colours import BLUE, GREEN, VERMILION
-from cortet.report.figures import PAGE, drawn, letter, save
-from cortet.report.table_files import Table, write
+from cortet.report.figures import PAGE, drawn, letter
+from cortet.report.table_files import Table
 from cortet.solver_files.names import growth_field
 
 #: prefix of the names of predicted surfaces
@@ -286,8 +287,6 @@ def predicted_surfaces(folder: Path) -> dict[float, FloatArray]:
 
 
 def write_prediction(records: Sequence[Path], outputs: Sequence[str | Path]) -> None:
-    """Write table and figure of the records of some runs, in the form of each path's suffix."""
+    """Write table and figure of the records of some runs."""
     table = prediction_table([json.loads(path.read_text(encoding="utf-8")) for path in records])
-    figures = [path for path in map(Path, outputs) if path.suffix in (".svg", ".pdf", ".png")]
-    write(PREDICTION, table, *(path for path in map(Path, outputs) if path not in figures))
-    save(prediction_figure(table), *figures)
+    write_outputs(outputs, PREDICTION, table, prediction_figure(table))
