@@ -262,8 +262,9 @@ def measured_onset(
 ) -> tuple[float, float]:
     """Least critical growth and its wavelength; `how` as of `critical_growth`."""
     waves = np.array(_WAVES) * exact.wavelength * thickness
-    given = spacing, thickness, material, exact.growth, across
-    return least(waves, [critical_growth(wave, *given, **how) for wave in waves])
+    expected = exact.growth
+    growths = [critical_growth(one, spacing, thickness, material, expected, across, **how) for one in waves]
+    return least(waves, growths)
 
 
 def least(waves: FloatArray, growths: Sequence[float]) -> tuple[float, float]:
