@@ -7,9 +7,9 @@ from _job import start
 
 job = start(snakemake)
 
+from cortet.config.fold import Settings
 from cortet.folding.fold import fold
 from cortet.folding.journal import per_percent
-from cortet.folding.section import Settings
 from cortet.formats import vtu
 
 verdict = fold(

@@ -22,10 +22,10 @@ from carried import carried
 from scipy.spatial.transform import Rotation
 from series import Series
 
+from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding.fold import SAME_AGE, Say, Verdict, fold
 from cortet.folding.growth import AREA, VOLUME, usual
-from cortet.folding.section import Settings
 from cortet.folding.surface_growth import logarithmic_growth, smoothed
 from cortet.formats import vtu
 from cortet.geometry.closest_point import closest_points, tree_of

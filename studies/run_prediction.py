@@ -9,7 +9,7 @@ from series import read_series
 
 import cortet
 from cortet.config import load
-from cortet.folding.section import Settings
+from cortet.config.fold import Settings
 from cortet.report.figures import save
 
 given, output, params = snakemake.input, snakemake.output, snakemake.params

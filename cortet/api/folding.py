@@ -150,10 +150,10 @@ def fold(
     """
     import pandas as pd
 
+    from cortet.config.fold import Settings
     from cortet.folding.fold import fold as folded
     from cortet.folding.journal import TABLE, per_percent
     from cortet.folding.plausible import brain_of, refuse_shell, require_same_brain
-    from cortet.folding.section import Settings
     from cortet.formats.tsv import read_tsv
 
     require_hemisphere(hemi)

@@ -103,13 +103,13 @@ def fold(
 
     from cortet.api.meshing import tetrahedra
     from cortet.config import load
+    from cortet.config.fold import Settings
     from cortet.folding.fold import SAME_AGE, fold
     from cortet.folding.fold_figures import FILM, NUMBERS, PICTURE, draw
     from cortet.folding.folded_surface import write_surfaces
     from cortet.folding.journal import FILES, status
     from cortet.folding.measures import surface_files, weeks_of
     from cortet.folding.plausible import brain_of
-    from cortet.folding.section import Settings
     from cortet.formats.gifti import kind_of, read_surface, require_same_hemisphere
     from cortet.solver_files.surface_map import map_of_file
 

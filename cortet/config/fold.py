@@ -177,3 +177,12 @@ class Fold(Section):
             for age, path in self.real_surfaces.items()
             if hemisphere or _HEMI not in str(path)
         }
+
+
+class Settings(Fold):
+    """What a run needs besides its mesh: the section, and whose brain the mesh is."""
+
+    gestational_age: float
+    """Of the mesh, weeks; growth is relative to it."""
+    hemisphere: Literal["L", "R"] | None = None
+    """Half a brain, which the medial plane confines; null: a whole one."""

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import field_validator
 
-from cortet.config.experiments import Experiments
 from cortet.config.fold import Fold
 from cortet.config.section import Positive, Section, Setting
-from cortet.config.sections import Certify, Cohort, Export, Figures, Phantom
+from cortet.config.sections import Certify, Cohort, Experiments, Export, Figures, Phantom
 from cortet.config.stages import (
     Clean,
     Gate,

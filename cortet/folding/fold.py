@@ -12,6 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cortet.config.fold import Settings
 from cortet.errors import place_mm
 from cortet.folding.body import with_interface
 from cortet.folding.contact import listed_at
@@ -48,7 +49,6 @@ from cortet.folding.run import (
     prepared,
     thickness_mm,
 )
-from cortet.folding.section import Settings
 from cortet.formats import vtu
 from cortet.formats.atomic import write_json
 from cortet.formats.ownership import delete, delete_abandoned, is_ours

@@ -25,8 +25,6 @@ MEASURES: Mapping[str, tuple[str, str]] = {
         }.items()
     },
 }
-#: name of the runs without a variant of `fold`
-USUAL = "usual"
 
 
 def surface_files(folder: Path, stem: str, week: float | str, kind: str | None = "white") -> dict[str, Path]:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 
-from cortet.config.fold import Time
+from cortet.config.fold import Settings, Time
 from cortet.errors import InputError
 from cortet.folding.body import THICKENING, THICKNESS, Body, Material, Scale
 from cortet.folding.fields import LABEL_FIELD, MASK_FIELD, node_field
@@ -42,7 +42,6 @@ from cortet.folding.growth_map import GrowthMap, ages_of_maps, grown_body, map_o
 from cortet.folding.kernels import grown_volume_of
 from cortet.folding.law import ACROSS, ALONG, CORE
 from cortet.folding.relaxation import Relaxation
-from cortet.folding.section import Settings
 from cortet.meshes import REGION, FloatArray, IntArray, TetMesh
 
 #: weeks between the ages at which the stretch of the core is solved for, most rounds, and largest change in the last

@@ -12,12 +12,12 @@ from typing import Literal
 
 import numpy as np
 
+from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding.body import require_positive
 from cortet.folding.growth import check_age
 from cortet.folding.medial_wall import TOWARDS_MIDLINE
 from cortet.folding.run import Run, thickness_mm
-from cortet.folding.section import Settings
 from cortet.formats.hashing import sha256
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.geometry.topology import boundary, components, face_areas, face_normals

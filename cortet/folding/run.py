@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding.body import (
     Body,
@@ -39,7 +40,6 @@ from cortet.folding.models import (
 from cortet.folding.patches import renew
 from cortet.folding.relaxation import PART, Relaxation, relax
 from cortet.folding.ripples import without_ripples
-from cortet.folding.section import Settings
 from cortet.folding.stability import longest_step
 from cortet.geometry.filling import require_body
 from cortet.geometry.ordering import curve_order

@@ -16,8 +16,8 @@ import pandas as pd
 from cortet.formats.tables import Row, names, read_columns
 from cortet.meshers import MESHERS
 from cortet.paper.experiments import ABLATED
-from cortet.paper.records import Origin
 from cortet.report import published
+from cortet.report.records import Origin
 from cortet.report.table_files import Table, mean_and_sd, median_and_range
 from cortet.stages import STAGES
 

@@ -18,7 +18,7 @@ from cortet.cohort.selection import chosen
 from cortet.cohort.sheet import Case
 from cortet.config.section import Cases
 from cortet.meshers import BASELINES
-from cortet.paper.records import Origin
+from cortet.report.records import Origin
 from cortet.stages import MESH_STAGES, STAGES
 
 #: label of a stage whose effect is measured -> stages that have run, what the last of them adds

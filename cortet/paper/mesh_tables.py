@@ -12,10 +12,9 @@ import pandas as pd
 
 from cortet.formats.tables import Column, Row, names, values
 from cortet.meshers import MESHERS
-from cortet.paper.records import Origin
 from cortet.report import published
 from cortet.report.methods import findings
-from cortet.report.records import read_certificate
+from cortet.report.records import Origin, read_certificate
 from cortet.report.table_files import Table, mean_and_sd, number
 
 VERSION: int = 5

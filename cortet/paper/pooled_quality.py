@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from cortet.paper.experiments import ABLATED
-from cortet.paper.records import Origin, by_origin
 from cortet.report import published
 from cortet.report.colours import BLUE, DARK_GREY, GREEN, ORANGE, PURPLE
 from cortet.report.figures import (
@@ -27,6 +26,7 @@ from cortet.report.figures import (
     mark_limit,
     save,
 )
+from cortet.report.records import Origin, by_origin
 from cortet.report.stage_sentences import counted
 
 VERSION: int = 6

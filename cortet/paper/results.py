@@ -7,7 +7,7 @@ from typing import Any
 
 from cortet.cohort.plan import Plan
 from cortet.paper.experiments import Experiments
-from cortet.paper.records import by_origin
+from cortet.report.records import by_origin
 from cortet.report.results import Results, files_of
 
 #: tables of the paper, which are written in these forms

@@ -11,10 +11,10 @@ from pydantic import ValidationError
 from shapes import ball_mesh
 
 from cortet.config import load
+from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding.cohort_folding import COLUMNS, cohort_folding_figure, write_cohort_folding
 from cortet.folding.fold import fold
-from cortet.folding.section import Settings
 from cortet.formats.tables import names
 from cortet.formats.tsv import read_tsv
 

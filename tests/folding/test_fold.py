@@ -16,6 +16,7 @@ from cubes import cube_mesh
 from shapes import ball_mesh, real_surface
 
 from cortet.config import load
+from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding import fold as fold_module
 from cortet.folding.body import THICKNESS, growth_mask, scale_of
@@ -26,7 +27,6 @@ from cortet.folding.law import ALONG
 from cortet.folding.measurements import COLUMNS, Measurements
 from cortet.folding.models import CONSTANTS
 from cortet.folding.run import beginning, prepared, thickness_mm, time_step_of
-from cortet.folding.section import Settings
 from cortet.formats import braingrowth
 from cortet.formats.tables import names
 from cortet.formats.tsv import read_tsv

@@ -11,6 +11,7 @@ import pytest
 from shapes import ball_mesh, ball_surface
 
 from cortet.cli import main
+from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding.fold_figures import draw
 from cortet.folding.folded_surface import folded_surface, maps_of
@@ -20,7 +21,6 @@ from cortet.folding.measurements import gaussian_curvature, local_gyrification
 from cortet.folding.measures import MEASURES, surface_files, weeks_in
 from cortet.folding.mechanics import mechanics
 from cortet.folding.run import advance_to, beginning, measured, prepared
-from cortet.folding.section import Settings
 from cortet.formats import vtu
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.volumes import matrices

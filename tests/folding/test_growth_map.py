@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, ball_surface
 
+from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding.fold import fold
 from cortet.folding.growth_map import sheared, tangents
 from cortet.folding.law import deformation, grown_gradients
 from cortet.folding.run import advance_to, beginning, prepared
-from cortet.folding.section import Settings
 from cortet.folding.surface_growth import (
     area_ratio,
     logarithmic_growth,

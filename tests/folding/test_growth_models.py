@@ -12,6 +12,7 @@ import pytest
 from shapes import ball_mesh
 
 from cortet.config import load
+from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding.fold import fold
 from cortet.folding.growth import HULL, VOLUME, by_age, times_of, usual
@@ -20,7 +21,6 @@ from cortet.folding.law import ACROSS, ALONG, CORE
 from cortet.folding.measurements import Measurements
 from cortet.folding.models import hidden_growth
 from cortet.folding.run import Run, beginning, prepared, time_step_of
-from cortet.folding.section import Settings
 from cortet.meshes import REGION, MeshSets, TetMesh
 
 AGES = np.array([22.0, 25.0, 28.5, 34.0, 38.0])

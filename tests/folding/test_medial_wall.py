@@ -8,12 +8,12 @@ from cubes import cube_mesh
 from scipy.spatial.transform import Rotation
 from shapes import real_surface
 
+from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding.body import scale_of
 from cortet.folding.growth import time_of
 from cortet.folding.medial_wall import Wall, medial_wall
 from cortet.folding.run import advance_to, beginning, described, millimetres, prepared
-from cortet.folding.section import Settings
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
 from cortet.meshes import MeshSets, TetMesh, TriSurface
 from cortet.phantoms import phantom

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, real_surface
 
+from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding.fold import fold
 from cortet.folding.plausible import check_cells, check_mesh, flatness
 from cortet.folding.run import prepared
-from cortet.folding.section import Settings
 from cortet.meshes import TetMesh
 from cortet.phantoms import phantom
 from cortet.stages.generate import generate

@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import logm
 from shapes import ball_mesh
 
+from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding.body import Body, Material, Scale, body_of
 from cortet.folding.fold import fold
@@ -22,7 +23,6 @@ from cortet.folding.law import growth_share, own_growth
 from cortet.folding.models import tangential
 from cortet.folding.relaxation import FLATTEST, Relaxation, quality, relax
 from cortet.folding.run import advance_to, beginning, prepared
-from cortet.folding.section import Settings
 from cortet.formats.tsv import read_tsv
 from cortet.measure.quality import quality as q_of
 from cortet.meshes import REGION, FloatArray, TetMesh

@@ -9,9 +9,9 @@ import pytest
 from scipy.spatial import Delaunay
 from shapes import ball_surface
 
+from cortet.config.fold import Settings
 from cortet.folding.ripples import without_ripples
 from cortet.folding.run import beginning, millimetres, prepared
-from cortet.folding.section import Settings
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import FloatArray, TetMesh

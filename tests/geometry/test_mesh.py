@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from shapes import ball_mesh, ball_surface
 
+from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding.fold import fold
-from cortet.folding.section import Settings
 from cortet.measure.certify import certify
 from cortet.measure.quality import measures, quality, summarise
 from cortet.meshes import MeshSets, TetMesh, TriSurface

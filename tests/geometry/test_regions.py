@@ -11,11 +11,11 @@ from shapes import ball_surface, real_surface
 from wrong_meshes import sound, swapped_regions
 
 from cortet.config import load
+from cortet.config.fold import Settings
 from cortet.config.stages import Generate, Regions, Transfer
 from cortet.errors import InputError
 from cortet.folding.body import body_of, scale_of, with_interface
 from cortet.folding.fold import fold
-from cortet.folding.section import Settings
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.nesting import depths, joined, nested, parents, region_boundary

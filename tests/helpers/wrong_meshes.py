@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from cubes import cube_mesh
 
+from cortet.config.fold import Settings
 from cortet.errors import CortetError
 from cortet.folding.run import prepared
-from cortet.folding.section import Settings
 from cortet.formats import vtu
 from cortet.geometry.quadratic import quadratic
 from cortet.geometry.topology import TET_FACES, boundary_surface, compact, neighbours

@@ -21,7 +21,7 @@ from cortet.measure.certify import SCHEMA, Certificate, certify
 from cortet.measure.checks import NAMES, checked, remedies, with_cell_size
 from cortet.measure.quality import quality
 from cortet.meshes import TetMesh, TriSurface
-from cortet.report.numbers import of_check
+from cortet.report.records import of_check
 
 
 @pytest.fixture(scope="module")

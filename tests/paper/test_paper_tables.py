@@ -24,7 +24,7 @@ from cortet.paper.mesh_tables import (
     not_certified,
     resolution_table,
 )
-from cortet.paper.records import Origin, by_origin
+from cortet.report.records import Origin, by_origin
 from cortet.report.table_files import Table, write
 
 AGES = {"sub-a": 28.0, "sub-b": 22.0}

@@ -18,9 +18,9 @@ import pytest
 from shapes import ball_mesh, ball_surface
 
 from cortet.config import SETTINGS
+from cortet.config.fold import Settings
 from cortet.config.stages import Generate, Reconnect, Resample, SmoothSurface
 from cortet.folding.fold import fold
-from cortet.folding.section import Settings
 from cortet.formats import vtu
 from cortet.measure.quality import quality
 from cortet.meshes import TetMesh, TriSurface

@@ -22,12 +22,12 @@ from prediction_tables import correlation, predicted_surfaces, scores, write_run
 from series import Series, lobes_of, series_of
 from shapes import ball_mesh, ball_surface
 
+from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding.fold import fold
 from cortet.folding.growth import AREA, usual
 from cortet.folding.journal import SERIES
 from cortet.folding.journal import series as frames_of
-from cortet.folding.section import Settings
 from cortet.folding.surface_growth import area_ratio
 from cortet.formats import vtu
 from cortet.formats.gifti import write_fields
