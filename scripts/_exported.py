@@ -22,4 +22,4 @@ def read_made(inputs: Any, params: Any) -> tuple[TetMesh, TriSurface, dict[str, 
         if np.issubdtype(mesh.cell_data[name].dtype, np.integer)
     }
     surface = gifti.read_nested(inputs.surface, inputs.inner)
-    return mesh, surface, {"sets": params.sets, "labels": labels, "units": params.units}
+    return mesh, surface, {"sets": params.sets, "labels": labels}

@@ -295,9 +295,8 @@ class Mesh:
 
     def named(self) -> TetMesh:
         """The mesh with its named sets and the numbers of its regions, as files hold it."""
-        export = self.config.export
-        sets = {"sets": export.sets(self.origin.kind), "labels": self.label_names, "units": export.field_units}
-        return with_named_sets(self.mesh, self.surface, self.origin, **sets)[0]
+        sets = self.config.export.sets(self.origin.kind)
+        return with_named_sets(self.mesh, self.surface, self.origin, sets=sets, labels=self.label_names)[0]
 
     @short_traceback
     def save(self, path: str | Path, *, force: bool = False) -> Path:
@@ -446,7 +445,6 @@ class Inputs:
             made.mesh,
             self.volumes,
             frame=self.in_mm.frame,
-            shares=self.config.export.label_shares,
             background=self.background,
         )
         large = [one.sentence for one in self.background if one.large]
@@ -611,7 +609,6 @@ def write_files(
                     origin=replace(origin, meshed=beside.surfaces),
                     sets=config.export.sets(origin.kind),
                     labels=made.label_names,
-                    units=config.export.field_units,
                     arguments={**config.export_arguments(format_of(path).name), "uncertified": uncertified},
                     temporary=folder,
                 )

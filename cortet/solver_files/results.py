@@ -6,7 +6,7 @@ import json
 import signal
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -28,8 +28,6 @@ from cortet.solver_files.surface_map import ToSurface
 
 #: largest difference of the ratio of two extents from that of two units
 _SAME_EXTENT = 1e-3
-#: rounding of coordinates in files, over the extent of the mesh
-_ROUNDED = 1e-5
 #: endings of Exodus
 _EXODUS = (".e", ".exo", ".ex2", ".exii", ".g")
 #: nodes are the same within this share of the shortest edge
@@ -174,12 +172,11 @@ def on_surface(steps: Iterable[Step], weights: ToSurface, *, file: Path, mesh_fi
         what = "outside the mesh, or without a column of the cortex"
         told[f"{missing:,} vertices have no value (NaN): they are {what}"] = None
     for given in steps:
-        step = _as_it_began(given, mesh)
-        if order is None or last is None or not _same_mesh(step.mesh, last):
-            order = in_order(step.mesh, mesh, file=file, mesh_file=mesh_file)
+        if order is None or last is None or not _same_mesh(given.mesh, last):
+            order = in_order(given.mesh, mesh, file=file, mesh_file=mesh_file)
             told |= dict.fromkeys(order.told)
-        last = step.mesh
-        times.append(step.time)
+        last = given.mesh
+        times.append(given.time)
         done.append(_of_step(last, order, mesh, weights))
         told |= dict.fromkeys(done[-1].told)
     if not any(one.fields for one in done):
@@ -225,20 +222,6 @@ def _endings(times: Sequence[float | None]) -> list[str]:
     if len(times) == 1:
         return [""]
     return [f"_{number if time is None else f'{time:.10g}'}" for number, time in enumerate(times)]
-
-
-def _as_it_began(step: Step, mesh: TetMesh) -> Step:
-    """A frame of `cortet fold`, whose nodes are where they moved to, with its nodes where they began.
-
-    Solvers name their field alike, and leave the nodes where they were, in any order.
-    """
-    moved, found = step.mesh.point_data.get("displacement"), step.mesh
-    if moved is None or moved.shape != mesh.points.shape or len(found.points) != len(mesh.points):
-        return step
-    began = found.points - moved
-    if np.abs(began - mesh.points).max() <= _ROUNDED * np.ptp(mesh.points, axis=0).max():  # false if one is NaN
-        return replace(step, mesh=replace(found, points=began))
-    return step
 
 
 def _same_mesh(one: TetMesh, other: TetMesh) -> bool:
