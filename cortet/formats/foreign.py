@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.formats import drawn_surfaces, freesurfer, stl
+from cortet.formats.freesurfer import Values
 from cortet.formats.numbering import in_32_bits
 from cortet.formats.untrusted import GZIP, by_library, content, safe_name
 from cortet.meshes import TriSurface
@@ -43,22 +44,14 @@ def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
     return read and (lambda path, *, finite: read(path))  # noqa: ARG005, PLW0108, never what is not finite
 
 
-def fields_of(path: Path) -> dict[str, NDArray[Any]] | None:
-    """Per-vertex values of a FreeSurfer file, or of plain numbers, by its name; None for any other file."""
+def values_of(path: Path) -> Values | None:
+    """Per-vertex values or labels of a FreeSurfer file, or of plain numbers; None for any other file."""
     head, size = _beginning(path)
     if freesurfer.is_values(head, size):
         return freesurfer.read_values(path)
     if _NUMBERS.match(head):
-        return {safe_name(path.name.split(".")[0]): _plain(path)}
-    return freesurfer.read_annotation(path).field if freesurfer.is_annotation(head, size) else None
-
-
-def label_names_of(path: Path) -> dict[int, str] | None:
-    """Key -> name of the labels of a FreeSurfer annotation; empty for values and numbers; None for any other file."""
-    head, size = _beginning(path)
-    if freesurfer.is_values(head, size) or _NUMBERS.match(head):
-        return {}
-    return freesurfer.read_annotation(path).names if freesurfer.is_annotation(head, size) else None
+        return Values({safe_name(path.name.split(".")[0]): _plain(path)}, {})
+    return freesurfer.read_annotation(path) if freesurfer.is_annotation(path) else None
 
 
 def name_of(path: Path) -> str:
@@ -67,7 +60,7 @@ def name_of(path: Path) -> str:
     start = head.removeprefix(b'<?xml version="1.0"?>').lstrip()
     if surface_reader(path) is not None:
         return "a surface without values"
-    if freesurfer.is_values(head, size) or freesurfer.is_annotation(head, size) or _NUMBERS.match(head):
+    if freesurfer.is_values(head, size) or freesurfer.is_annotation(path) or _NUMBERS.match(head):
         return "a file of values without a surface"
     return next((name for begin, name in _NAMES.items() if start.startswith(begin)), "")
 

@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 from cortet.errors import InputError
 from cortet.formats.gifti import hemisphere_of, kind_of, read_surface, write_surface
-from cortet.formats.hashing import input_sha256, sha256
+from cortet.formats.hashing import input_sha256
 from cortet.formats.ownership import json_of
 from cortet.geometry.nesting import nested, sheets
 from cortet.meshes import BRAIN, OUTERMOST, TriSurface, region_names
@@ -161,6 +161,18 @@ def moved(record: Mapping[str, Any] | None, source: Path, target: Path) -> dict[
     return {**record, **surfaces}
 
 
+def recorded_file(mesh: Path, record: Mapping[str, str]) -> Path:
+    """The file of a surface that the sidecar of a mesh records; InputError if it is missing or has changed since."""
+    file = mesh.parent / record["file"]
+    if not file.is_file() or input_sha256(file) != record["sha256"]:
+        raise InputError(
+            f"is missing, or differs from the record in the sidecar of {mesh.name}",
+            file=file,
+            remedy="restore it, name the surface (`cortet project`: --surface), or mesh the surface again",
+        )
+    return file
+
+
 def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) -> tuple[TriSurface, Path]:
     """The surface against which a mesh is checked, with its inner surfaces; and its file.
 
@@ -185,14 +197,7 @@ def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) ->
     if record and all(
         input_sha256(file) == record["given"].get(region, {}).get("sha256") for region, file in named.items()
     ):
-        files = {region: mesh.parent / one["file"] for region, one in record["meshed"].items()}
-        for region, file in files.items():
-            if not file.is_file() or sha256(file) != record["meshed"][region]["sha256"]:
-                raise InputError(
-                    f"the meshed surface is missing, or differs from the record in the sidecar of {mesh.name}",
-                    file=file,
-                    remedy="restore it, or mesh the surface again",
-                )
+        files = {region: recorded_file(mesh, one) for region, one in record["meshed"].items()}
         given = files.pop(next(iter(files)))
         inner = files
     if given is None:

@@ -25,10 +25,10 @@ from cortet.geometry.closest_point import closest_points, surface_tree, tree_of
 from cortet.geometry.containing import containing
 from cortet.geometry.interpolation import applied, at_triangles, is_label
 from cortet.geometry.nesting import sheets
-from cortet.geometry.topology import edges, packed, sheet, used_vertices, vertex_normals
+from cortet.geometry.topology import compact, edges, packed, sheet, vertex_normals
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import HOLE_SURFACE, REGION, FloatArray, IntArray, TetMesh, TriSurface, region_names
-from cortet.solver_files.meshed import meshed_surface, parameters_of
+from cortet.solver_files.meshed import meshed_surface, parameters_of, recorded_file
 from cortet.solver_files.sidecar import changed_since, read_sidecar
 
 if TYPE_CHECKING:
@@ -276,17 +276,10 @@ def _given_file(mesh: Path, given: Mapping[str, Mapping[str, str]]) -> Path:
     """The file of the outermost surface that a mesh was made from, which must be as it was then."""
     if not given:
         raise InputError("no sidecar records the surface it was made from", file=mesh, remedy="name it with --surface")
-    one = next(iter(given.values()))
-    file = mesh.parent / one["file"]
-    if is_volume(str(file)):
-        raise InputError("holds labels, not a surface", file=file, remedy="name a surface with --surface")
-    if not file.is_file() or input_sha256(file) != one["sha256"]:
-        raise InputError(
-            f"is missing, or differs from the record in the sidecar of {mesh.name}",
-            file=file,
-            remedy="restore it, or name the surface with --surface",
-        )
-    return file
+    outermost = next(iter(given.values()))
+    if is_volume(outermost["file"]):
+        raise InputError("holds labels, not a surface", file=outermost["file"], remedy="name a surface with --surface")
+    return recorded_file(mesh, outermost)
 
 
 def _faces_of(mesh: TetMesh, number: int) -> tuple[TriSurface, IntArray]:
@@ -295,11 +288,8 @@ def _faces_of(mesh: TetMesh, number: int) -> tuple[TriSurface, IntArray]:
     holes = mesh.sets.faces.get(HOLE_SURFACE)
     if holes is not None and len(holes) and number == 0:
         keys = packed(np.concatenate([holes, nodes[surface.faces]]))
-        faces = surface.faces[~np.isin(keys[len(holes) :], keys[: len(holes)])]
-        used = used_vertices(faces, len(surface.points))
-        place = np.full(len(surface.points), -1, np.int32)
-        place[used] = np.arange(len(used))
-        surface, nodes = TriSurface(surface.points[used], place[faces]), nodes[used]
+        points, faces, used = compact(surface.points, surface.faces[~np.isin(keys[len(holes) :], keys[: len(holes)])])
+        surface, nodes = TriSurface(points, faces), nodes[used]
     if not len(surface.faces):
         raise InputError(
             f"the mesh has no faces of surface {number}", remedy="name a region whose surface is part of the mesh"
