@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
+import pickle
 import signal
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from cortet.formats import child, result_reader
 from cortet.formats.components import in_components
 from cortet.formats.placement import UNITS
 from cortet.formats.set_arrays import holds_set
-from cortet.formats.untrusted import check_file, naming, safely_named, sound
+from cortet.formats.untrusted import check_file, safely_named, sound
 from cortet.formats.volumes import matrices
 from cortet.geometry.topology import edges, used_vertices
 from cortet.meshes import IntArray, TetMesh
@@ -76,19 +76,11 @@ def read_result(path: Path) -> Iterator[Step]:
                 file=path,
                 remedy="write VTU, VTK, PVD or XDMF, or what else PyVista or meshio reads",
             )
-        for file in sorted(Path(folder).glob("*.npz")):
-            with np.load(file) as arrays, naming(path):
-                yield _step(dict(arrays), path)
-
-
-def _step(arrays: dict[str, NDArray[Any]], path: Path) -> Step:
-    """A step as `result_reader` writes it."""
-    names = json.loads(str(arrays["names"]))
-    of_nodes, of_cells = ({name: arrays[key] for key, name in names[kind].items()} for kind in ("node", "cell"))
-    if not len(arrays["points"]):
-        raise DamagedFileError("holds no nodes", file=path)
-    mesh = sound(path, arrays["points"], arrays["cells"], of_nodes, of_cells)
-    return Step(float(arrays["time"]) if "time" in arrays else None, mesh)
+        for file in sorted(Path(folder).glob("*.step")):
+            time, points, *content = pickle.loads(file.read_bytes())
+            if not len(points):
+                raise DamagedFileError("holds no nodes", file=path)
+            yield Step(time, sound(path, points, *content))
 
 
 def in_order(result: TetMesh, mesh: TetMesh, *, file: Path, mesh_file: Path) -> Order:
