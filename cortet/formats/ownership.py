@@ -204,8 +204,7 @@ def is_ours(path: Path) -> bool:
     manifest = path.with_name(MANIFEST)
     if path.is_symlink() or not (path.is_file() and manifest.is_file()):
         return False
-    own = f"{sha256(path)}  {path.name}"  # behind what a full disk may have left of another line
-    return any(line.endswith(own) for line in manifest.read_text(**_TEXT).split("\n"))
+    return f"{sha256(path)}  {path.name}" in manifest.read_text(**_TEXT).split("\n")
 
 
 def delete(*paths: Path) -> None:

@@ -18,7 +18,7 @@ from cortet.formats.hashing import input_sha256
 from cortet.formats.ownership import json_of
 from cortet.geometry.nesting import nested, sheets
 from cortet.meshes import BRAIN, OUTERMOST, TriSurface, region_names
-from cortet.solver_files.sidecar import read_sidecar, sidecar_path
+from cortet.solver_files.sidecar import read_sidecar
 from cortet.solver_files.volumes import sources
 
 #: a hemisphere
@@ -83,26 +83,27 @@ def require_own_stem(
     cell_size : mm
     mesh_sha256 : of `hashing.mesh_sha256`; None before the mesh is made
     """
+    size, digest = cell_size_of(mesh) or cell_size, json_of(certificate_path(mesh)).get("mesh_sha256")
     beside = mesh.parent.iterdir() if mesh.parent.is_dir() else ()
-    others = [file for file in beside if file.stem == mesh.stem and file.name != mesh.name]
-    for other in others:
-        record = read_sidecar(other).get("made_from") if sidecar_path(other).is_file() else None
-        if record and record["given"]:
-            certificate, size = json_of(certificate_path(mesh)), cell_size_of(mesh) or cell_size
-            hashes = {region: one["sha256"] for region, one in record["given"].items()}
-            if hashes != {region: input_sha256(file) for region, file in given.items()}:
-                differs = "a mesh of another surface"
-            elif size != cell_size:
-                differs = f"a mesh of cell size {size:g} mm"
-            elif mesh_sha256 and certificate.get("mesh_sha256", mesh_sha256) != mesh_sha256:
-                differs = "a mesh of other parameters"
-            else:
-                continue
-            raise InputError(
-                f"would overwrite the certificate and the meshed surface of {other.name}, which is {differs}",
-                file=mesh,
-                remedy="give another name, or delete the other mesh and its sidecar",
-            )
+    for other in (file for file in beside if file.stem == mesh.stem and file.name != mesh.name):
+        record = (read_sidecar(other).get("made_from") or {}).get("given")
+        if not record:
+            continue
+        if {region: one["sha256"] for region, one in record.items()} != {
+            region: input_sha256(file) for region, file in given.items()
+        }:
+            differs = "a mesh of another surface"
+        elif size != cell_size:
+            differs = f"a mesh of cell size {size:g} mm"
+        elif mesh_sha256 and digest and digest != mesh_sha256:
+            differs = "a mesh of other parameters"
+        else:
+            continue
+        raise InputError(
+            f"would overwrite the certificate and the meshed surface of {other.name}, which is {differs}",
+            file=mesh,
+            remedy="give another name, or delete the other mesh and its sidecar",
+        )
 
 
 @dataclass(frozen=True)

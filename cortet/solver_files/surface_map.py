@@ -19,13 +19,13 @@ from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
 from cortet.formats.hashing import input_sha256
 from cortet.formats.placement import placed
-from cortet.formats.surface_sets import sides
+from cortet.formats.surface_sets import among, sides
 from cortet.formats.volumes import is_volume
 from cortet.geometry.closest_point import closest_points, surface_tree, tree_of
 from cortet.geometry.containing import containing
 from cortet.geometry.interpolation import applied, at_triangles, is_label
 from cortet.geometry.nesting import sheets
-from cortet.geometry.topology import compact, edges, packed, sheet, vertex_normals
+from cortet.geometry.topology import compact, edges, sheet, vertex_normals
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import HOLE_SURFACE, REGION, FloatArray, IntArray, TetMesh, TriSurface, region_names
 from cortet.solver_files.meshed import meshed_surface, parameters_of, recorded_file
@@ -287,8 +287,7 @@ def _faces_of(mesh: TetMesh, number: int) -> tuple[TriSurface, IntArray]:
     surface, nodes = sheet(mesh, number)
     holes = mesh.sets.faces.get(HOLE_SURFACE)
     if holes is not None and len(holes) and number == 0:
-        keys = packed(np.concatenate([holes, nodes[surface.faces]]))
-        points, faces, used = compact(surface.points, surface.faces[~np.isin(keys[len(holes) :], keys[: len(holes)])])
+        points, faces, used = compact(surface.points, surface.faces[~among(nodes[surface.faces], holes)])
         surface, nodes = TriSurface(points, faces), nodes[used]
     if not len(surface.faces):
         raise InputError(
@@ -303,9 +302,7 @@ def _same(native: TriSurface, meshed: TriSurface) -> tuple[NDArray[np.bool_], ND
 
     Where some triangles differ, chance may make others alike, so a vertex must also be near its place.
     """
-    keys = packed(np.concatenate([native.faces, meshed.faces]))
-    known = np.isin(keys[: len(native.faces)], keys[len(native.faces) :])
-    shared = np.isin(keys[len(native.faces) :], keys[: len(native.faces)])
+    known, shared = among(native.faces, meshed.faces), among(meshed.faces, native.faces)
     count = len(native.points)
     kept = np.bincount(native.faces[known].ravel(), minlength=count) > 0
     if not (known.all() and shared.all()):

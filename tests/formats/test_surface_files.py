@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import gzip
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -123,15 +121,6 @@ def test_data_in_an_external_file_are_part_of_the_input(tmp_path):
     for one in wrong:
         with pytest.raises(InputError, match="x.surf.gii"):
             read_surface(saved(tmp_path, "x.surf.gii", gifti(points(**how | one), triangles())))
-
-
-def test_reading_a_surface_loads_no_numba_and_no_part_of_scipy(tmp_path):
-    """Each job of the workflow reads one; most do nothing else that takes time."""
-    path = saved(tmp_path, "x.surf.gii", gifti(points(), triangles()))
-    code = f"import sys; from cortet.formats.gifti import read_surface; read_surface({str(path)!r})\n"
-    code += "print([name for name in ('numba', 'scipy.sparse', 'scipy.spatial', 'pandas') if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
 
 
 # --- surfaces of other programs

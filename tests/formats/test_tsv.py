@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from shapes import ball_surface
 
 from cortet.errors import InputError
+from cortet.formats.gifti import write_surface
 from cortet.formats.tsv import cell, read_tsv, read_uneven_tsv, write_tsv
 
 TEXTS = ['the "best" one', '"', '""quoted""', "it's", "\\", "a  b", "NA", "nan", "None", "1e5", "007", "#", "é"]
@@ -83,8 +86,22 @@ def test_what_is_no_table_is_refused(content, words, tmp_path):
         read_tsv(tmp_path / "t.tsv")
 
 
-def test_a_job_loads_pandas_and_vtk_only_if_it_makes_a_table_or_a_picture_with_them():
-    modules = "cortet.stages.clean, cortet.cohort.sheet"
-    modules += ", cortet.report.cohort_maps, cortet.report.slices, cortet.solver_files.write"
-    code = f"import sys, {modules}; sys.exit(bool({{'pandas', 'pyvista'}} & set(sys.modules)))"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+def read_surface(folder: Path) -> str:
+    """A program that reads a surface."""
+    write_surface(ball_surface(), folder / "x.surf.gii")
+    return f"from cortet.formats.gifti import read_surface; read_surface({str(folder / 'x.surf.gii')!r})"
+
+
+STAGE = "import cortet.stages.clean, cortet.cohort.sheet, cortet.report.cohort_maps, cortet.report.slices"
+
+
+@pytest.mark.parametrize(
+    ("code", "absent"),
+    [
+        (lambda _: f"{STAGE}, cortet.solver_files.write", ["pandas", "pyvista"]),
+        (read_surface, ["numba", "scipy.sparse", "scipy.spatial", "pandas"]),
+    ],
+)
+def test_a_job_loads_what_takes_long_only_if_it_uses_it(code, absent, tmp_path):
+    asked = f"import sys; {code(tmp_path)}; sys.exit(any(name in sys.modules for name in {absent}))"
+    assert subprocess.run([sys.executable, "-c", asked], check=False).returncode == 0
