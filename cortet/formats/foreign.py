@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
 
 from cortet.formats import drawn_surfaces, freesurfer, stl
 from cortet.formats.freesurfer import Values
-from cortet.formats.numbering import in_32_bits
-from cortet.formats.untrusted import GZIP, by_library, content, safe_name
+from cortet.formats.untrusted import GZIP, content
 from cortet.meshes import TriSurface
 
 #: number of bytes examined; an OBJ file may begin with comments
 _HEAD = 1 << 16
-#: plain values, as CIVET writes them, begin with a line of one number
-_NUMBERS = re.compile(rb"\s*[-+.\d]+([eE][-+]?\d+)?[ \t]*\r?\n")
 #: first bytes of files that are not read, and what to do; a remedy, if there is one, follows in brackets
 _NAMES = {
     b"#!ascii": "a FreeSurfer surface in text (convert it: mris_convert)",
@@ -38,40 +30,28 @@ _NAMES = {
 def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
     """The reader of a surface that is not GIfTI, `read(path, finite=...)`; None if the first bytes are unknown."""
     head, size = _beginning(path)
-    if freesurfer.is_surface(head, size):
+    if freesurfer.is_surface(head):
         return freesurfer.read_surface
     read = stl.read if stl.begins(head, size) else drawn_surfaces.read if drawn_surfaces.kind_of(head) else None
     return read and (lambda path, *, finite: read(path))  # noqa: ARG005, PLW0108, never what is not finite
 
 
 def values_of(path: Path) -> Values | None:
-    """Per-vertex values or labels of a FreeSurfer file, or of plain numbers; None for any other file."""
-    head, size = _beginning(path)
-    if freesurfer.is_values(head, size):
+    """Per-vertex values or labels of a FreeSurfer file; None for any other file."""
+    if freesurfer.is_values(_beginning(path)[0]):
         return freesurfer.read_values(path)
-    if _NUMBERS.match(head):
-        return Values({safe_name(path.name.split(".")[0]): _plain(path)}, {})
     return freesurfer.read_annotation(path) if freesurfer.is_annotation(path) else None
 
 
 def name_of(path: Path) -> str:
     """Kind of a file that can be read neither as a surface nor as a field; empty if its first bytes are unknown."""
-    head, size = _beginning(path)
+    head, _ = _beginning(path)
     start = head.removeprefix(b'<?xml version="1.0"?>').lstrip()
     if surface_reader(path) is not None:
         return "a surface without values"
-    if freesurfer.is_values(head, size) or freesurfer.is_annotation(path) or _NUMBERS.match(head):
+    if freesurfer.is_values(head) or freesurfer.is_annotation(path):
         return "a file of values without a surface"
     return next((name for begin, name in _NAMES.items() if start.startswith(begin)), "")
-
-
-def _plain(path: Path) -> NDArray[Any]:
-    """Numbers of a text, one a line: (n,); whole numbers without a point are labels, int32."""
-    text = content(path).decode("utf-8", "replace").strip()
-    whole = re.fullmatch(r"[-+\d\s]+", text) is not None
-    with by_library("one number per line", path):
-        values = np.array([(int if whole else float)(line) for line in text.splitlines()])
-        return in_32_bits(values, "labels", path) if whole else values
 
 
 def _beginning(path: Path) -> tuple[bytes, int]:

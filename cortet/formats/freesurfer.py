@@ -21,7 +21,7 @@ from cortet.meshes import CoordinateFrame, TriSurface
 
 logger = logging.getLogger(__name__)
 
-#: first bytes of a file of triangles, of quadrangles, and of values or quadrangles with rounded coordinates
+#: first bytes of a file of triangles, of quadrangles, and of values
 TRIANGLES, QUADRANGLES, VALUES = b"\xff\xff\xfe", b"\xff\xff\xfd", b"\xff\xff\xff"
 #: axes of the volume in the footer of a surface
 _AXES = ("xras", "yras", "zras")
@@ -38,17 +38,14 @@ class Values(NamedTuple):
     names: dict[int, str]
 
 
-def is_surface(head: bytes, size: int) -> bool:
-    """Whether a file of `size` bytes that begins with `head` is a surface."""
-    if head.startswith(VALUES):
-        vertices, quadrangles = (int.from_bytes(head[begin : begin + 3], "big") for begin in (3, 6))
-        return size == 9 + 6 * vertices + 12 * quadrangles
+def is_surface(head: bytes) -> bool:
+    """Whether a file that begins with `head` is a surface."""
     return head.startswith((TRIANGLES, QUADRANGLES))
 
 
-def is_values(head: bytes, size: int) -> bool:
-    """Whether a file of `size` bytes that begins with `head` is a file of values."""
-    return head.startswith(VALUES) and not is_surface(head, size)
+def is_values(head: bytes) -> bool:
+    """Whether a file that begins with `head` is a file of values."""
+    return head.startswith(VALUES)
 
 
 def read_surface(path: Path, *, finite: bool = True) -> TriSurface:

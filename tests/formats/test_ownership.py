@@ -218,10 +218,6 @@ def test_a_list_that_is_no_file_of_its_own_is_never_written_to(tmp_path, kind):
     assert mine.read_text() == "mine" and not (tmp_path / "x.vtu").exists()
 
 
-def test_a_line_break_in_a_name_could_forge_the_list(tmp_path):
-    refused("line break", files=[tmp_path / "x\n.vtu"])
-
-
 @pytest.mark.parametrize("letter", ["x", "\u00fc"])
 def test_a_name_beside_which_no_temporary_file_fits_is_refused(tmp_path, letter):
     """A file is written to a temporary name first, which is longer; a letter may have two bytes."""

@@ -158,14 +158,13 @@ def test_a_ply_file_of_either_order_and_with_other_properties(tmp_path):
         assert np.array_equal(surface.points, np.eye(3)) and surface.faces.tolist() == [[0, 1, 2]]
 
 
-@pytest.mark.parametrize("magic", [b"\xff\xff\xff", b"\xff\xff\xfd"])
-def test_a_surface_of_quadrangles_is_read(tmp_path, magic):
-    """A cube of 20 mm; the first of the two magic numbers is also that of files of values."""
+def test_a_surface_of_quadrangles_is_read(tmp_path):
+    """A cube of 20 mm."""
     corners = 20.0 * np.indices((2, 2, 2)).reshape(3, -1).T
     faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    stored = (100 * corners).astype(">i2") if magic == b"\xff\xff\xff" else corners.astype(">f4")
     indices = b"".join(int(corner).to_bytes(3, "big") for face in faces for corner in face)
-    content = magic + (8).to_bytes(3, "big") + (6).to_bytes(3, "big") + stored.tobytes() + indices
+    counts = (8).to_bytes(3, "big") + (6).to_bytes(3, "big")
+    content = b"\xff\xff\xfd" + counts + corners.astype(">f4").tobytes() + indices
     surface = read_surface(saved(tmp_path, "lh.orig", content))
     assert surface_topology(surface.faces).problems() == []
     assert enclosed_volume(surface.points, surface.faces) == pytest.approx(8000)
@@ -233,21 +232,6 @@ def test_label_tables_of_earlier_tools_are_read_and_labels_without_a_name_have_n
         read_label_names(table('<Label Index="1">insula</Label><Label Key="1"></Label>'))
 
 
-def test_plain_numbers_are_fields(tmp_path):
-    """As CIVET writes them: thickness, and numbers of parcels."""
-    values = np.linspace(1, 3, 162)
-    thick = saved(tmp_path, "thick.txt", "".join(f" {value:.6f}\n" for value in values).encode())
-    parcels = saved(tmp_path, "AAL.txt", b"\r\n".join(b"%d" % (place % 3) for place in range(162)))
-    both = with_fields(BALL, {"t": thick, "p": parcels}).point_data
-    assert both["t"] == pytest.approx(values, abs=1e-6)
-    assert both["p"].dtype == np.int32 and both["p"][:4].tolist() == [0, 1, 2, 0]
-    assert read_label_names(parcels) == {}
-    with pytest.raises(InputError, match="without a surface"):
-        read_surface(thick)
-    with pytest.raises(InputError, match="one number per line"):
-        read_fields(saved(tmp_path, "two.txt", b"1.0\n1.0 2.0\n"))
-
-
 def test_values_and_labels_of_freesurfer_are_fields(tmp_path):
     values, labels = np.linspace(1, 3, 162), np.arange(162) % 3
     thick, annot = tmp_path / "lh.thickness", tmp_path / "lh.aparc.annot"
@@ -256,6 +240,8 @@ def test_values_and_labels_of_freesurfer_are_fields(tmp_path):
     freesurfer.write_annot(str(annot), labels, table, ["unknown", "a", "b"], fill_ctab=True)
     found = read_fields(thick)
     assert list(found) == ["thickness"] and found["thickness"] == pytest.approx(values, rel=1e-6)
+    with pytest.raises(InputError, match="without a surface"):
+        read_surface(thick)
     assert read_label_names(thick) == {} and read_label_names(annot) == {0: "unknown", 1: "a", 2: "b"}
     assert read_fields(annot)["aparc"].dtype == np.int32 and np.array_equal(read_fields(annot)["aparc"], labels)
     whole = annot.read_bytes()
