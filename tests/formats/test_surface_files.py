@@ -38,7 +38,7 @@ from cortet.formats.gifti import (
 )
 from cortet.formats.hashing import input_sha256, sha256
 from cortet.geometry.topology import enclosed_volume, surface_topology
-from cortet.meshes import CoordinateFrame, TriSurface, single_precision
+from cortet.meshes import CoordinateFrame, single_precision
 from cortet.solver_files.fields import with_fields
 
 # --- GIfTI
@@ -247,12 +247,6 @@ def test_values_and_labels_of_freesurfer_are_fields(tmp_path):
     whole = annot.read_bytes()
     unknown = whole[:8] + (99).to_bytes(4, "big") + whole[12:]  # a colour that the table has not
     assert read_fields(saved(tmp_path, "lh.x.annot", unknown))["x"][:3].tolist() == [-1, 1, 2]
-
-
-def test_single_precision_changes_nothing_twice():
-    rounded = single_precision(TriSurface([[1 / 3, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 1, 2]]))
-    assert rounded.points[0, 0] == np.float32(1 / 3)
-    assert np.array_equal(single_precision(rounded).points, rounded.points)
 
 
 def test_a_field_takes_the_name_that_it_is_given_and_has_a_value_for_each_vertex(tmp_path):

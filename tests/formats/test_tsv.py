@@ -24,11 +24,6 @@ def test_cells_are_read_back_as_they_were_written(tmp_path):
     assert read_tsv(tmp_path / "t.tsv").to_dict("records") == rows
 
 
-def test_a_quotation_mark_is_a_character_like_any_other(tmp_path):
-    write_tsv([{"reason": 'a "b" c'}], ["reason"], tmp_path / "t.tsv")
-    assert (tmp_path / "t.tsv").read_bytes() == b'reason\na "b" c\n'
-
-
 def test_cells_have_no_tabs_and_are_never_empty():
     values = (0.123456789, 3, None, "", "a\tb\nc ", 1e-7, float("nan"), np.float64(2), np.int64(1234567), " \n")
     assert [cell(value) for value in values] == [

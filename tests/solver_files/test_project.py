@@ -298,16 +298,6 @@ def test_the_thickness_of_the_mesh_differs_from_vertex_to_vertex(folder, mesh):
     assert np.median(below[x < -4]) == pytest.approx(RADIUS - 3, abs=0.1)
 
 
-def test_labels_stay_labels_on_every_way(folder, mesh):
-    made = grid(mesh.points, mesh.cells)
-    made.point_data["of_nodes"] = np.where(mesh.points[:, 2] > 0, 9, 2)
-    made.cell_data["of_cells"] = np.where(mesh.points[mesh.cells].mean(axis=1)[:, 2] > 0, 9, 2)
-    made.save("r.vtu")
-    for depth in ([], ["--depth", "1:3"], ["--depth", f"{RADIUS - 1}:{RADIUS + 9}"]):
-        for values in projected("r.vtu", *depth).values():
-            assert set(values[np.isfinite(values)].tolist()) == {2, 9}
-
-
 def test_files_of_the_other_hemisphere_are_refused(folder, mesh, capsys):
     write(mesh, "r.vtu")
     write_surface(ball_surface(3, RADIUS), "right.surf.gii")
@@ -327,15 +317,3 @@ def test_sets_are_no_results(folder, mesh):
     result.cell_data["q"] = np.ones(len(mesh.cells))  # a field of the solver that has this name
     result.save("s.vtu")
     assert set(projected("s.vtu")) == {"height", "q"}
-
-
-def test_a_value_that_is_unknown_at_a_node_is_unknown_around_it(folder, mesh):
-    """dolfinx writes the nodes in an order of its own."""
-    order = np.random.default_rng(1).permutation(len(mesh.points))
-    result = grid(mesh.points[order], np.argsort(order)[mesh.cells])
-    result["displacement"] = 0.1 * mesh.points[order] + 1
-    result["displacement"][0] = np.nan
-    result.save("r.vtu")
-    moved = projected("r.vtu")["displacement_3"]
-    known = np.isfinite(moved)
-    assert known.mean() > 0.9 and np.abs(moved - 0.1 * heights() - 1)[known].max() < 0.1
