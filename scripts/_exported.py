@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def read_made(inputs: Any, params: Any) -> tuple[TetMesh, TriSurface, dict[str, Any]]:
-    """The mesh of a job, the surface that was meshed, and arguments of `solver_files.write.with_sets`."""
+    """The mesh of a job, the surface that was meshed, and arguments of `solver_files.export.with_sets`."""
     mesh = vtu.read(inputs.mesh)
     labels = {
         name: label_names(volume_file(file))

@@ -44,6 +44,8 @@ from cortet.measure.layers import require_layers
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, region_names, require_measurable
 from cortet.pipeline import About, Step, companions, mesh_surface
+from cortet.solver_files.export import export_made
+from cortet.solver_files.export import with_sets as with_named_sets
 from cortet.solver_files.fields import with_fields, with_q, without_q
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
 from cortet.solver_files.laminar import Laminar
@@ -58,8 +60,6 @@ from cortet.solver_files.volumes import (
     read_volumes,
     with_volumes,
 )
-from cortet.solver_files.write import with_sets as with_named_sets
-from cortet.solver_files.write import write
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -601,7 +601,7 @@ def write_files(
     def write_mesh(folder: Path) -> None:
         if is_written:
             told.extend(
-                write(
+                export_made(
                     made.mesh,
                     made.surface,
                     path,

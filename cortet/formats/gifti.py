@@ -28,7 +28,6 @@ from cortet.formats import foreign, frames
 from cortet.formats.atomic import atomic_path
 from cortet.formats.frames import System
 from cortet.formats.hashing import external_names
-from cortet.formats.numbering import in_32_bits
 from cortet.formats.untrusted import (
     by_library,
     check_file,
@@ -38,6 +37,7 @@ from cortet.formats.untrusted import (
     safe_name,
     safely_named,
 )
+from cortet.formats.values import in_32_bits
 from cortet.meshes import TriSurface
 
 #: name of the region in the file name of an inner surface

@@ -6,7 +6,6 @@ import pickle
 import signal
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -16,10 +15,10 @@ from numpy.typing import NDArray
 
 from cortet.errors import DamagedFileError, InputError
 from cortet.formats import child, result_reader
-from cortet.formats.components import in_components
 from cortet.formats.placement import UNITS
 from cortet.formats.set_arrays import holds_set
 from cortet.formats.untrusted import check_file, safely_named, sound
+from cortet.formats.values import in_components
 from cortet.formats.volumes import matrices
 from cortet.geometry.topology import edges, used_vertices
 from cortet.meshes import IntArray, TetMesh
@@ -36,8 +35,7 @@ _SAME_NODE = 0.05
 _ASYMMETRY = 1e-4
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(NamedTuple):
     """A result at one time."""
 
     time: float | None
@@ -45,8 +43,7 @@ class Step:
     mesh: TetMesh
 
 
-@dataclass(frozen=True)
-class Order:
+class Order(NamedTuple):
     """How the nodes and tetrahedra of a result are found in the order of a mesh."""
 
     #: (n,) number in the result of each node of the mesh
@@ -54,7 +51,7 @@ class Order:
     #: (m,) likewise of each tetrahedron; None if the result has others
     cells: IntArray | None
     #: what differs, in words
-    told: list[str] = field(default_factory=list)
+    told: list[str]
 
 
 def read_result(path: Path) -> Iterator[Step]:

@@ -41,8 +41,8 @@ Depth = Millimetres | tuple[Millimetres, Millimetres]
 
 #: mm: half of the vertices of a surface are nearer to the meshed one, or it is another's
 _FAR_MM = 5.0
-#: points at which a range of depths is sampled
-_SAMPLES = 10
+#: where a range of depths is sampled: the middles of ten equal parts
+SAMPLES = (np.arange(10) + 0.5) / 10
 
 
 class Located(NamedTuple):
@@ -116,7 +116,7 @@ class SurfaceMap:
         unknown = any(np.isnan(end) for end in ends if np.ndim(end) == 0)
         if unknown or np.any((first < 0) | (last < first) | np.isinf(first + last)):
             raise InputError(f"{depth} is not a valid depth", remedy=remedy)
-        steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES if (first < last).any() else np.zeros(1)
+        steps = SAMPLES if (first < last).any() else np.zeros(1)
         known = np.flatnonzero(np.isfinite(self.points).all(axis=1) & np.isfinite(first + last))
         found = []
         for step in steps:

@@ -92,7 +92,7 @@ STAGE = "import cortet.stages.clean, cortet.cohort.sheet, cortet.report.cohort_m
 @pytest.mark.parametrize(
     ("code", "absent"),
     [
-        (lambda _: f"{STAGE}, cortet.solver_files.write", ["pandas", "pyvista"]),
+        (lambda _: f"{STAGE}, cortet.solver_files.export", ["pandas", "pyvista"]),
         (read_surface, ["numba", "scipy.sparse", "scipy.spatial", "pandas"]),
     ],
 )

@@ -54,7 +54,8 @@ def fields(mesh: TetMesh) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDA
     """Fields of nodes, and of tetrahedra."""
     stress = np.zeros((len(mesh.cells), 9))
     stress[:, [0, 4, 8]] = [3.0, 1.0, -1.0]
-    return {"u": mesh.points, "T": mesh.points[:, 2]}, {"S": stress, "e": np.ones(len(mesh.cells))}
+    height = mesh.points[mesh.cells].mean(axis=1)[:, 2]
+    return {"u": mesh.points, "T": mesh.points[:, 2]}, {"S": stress, "e": np.ones(len(mesh.cells)), "h": height}
 
 
 def grid(points: NDArray[np.float64], cells: NDArray[np.integer]) -> pyvista.UnstructuredGrid:
@@ -62,14 +63,15 @@ def grid(points: NDArray[np.float64], cells: NDArray[np.integer]) -> pyvista.Uns
 
 
 def write(mesh: TetMesh, path: Path | str, *, order: NDArray[np.intp] | None = None, scale: float = 1.0) -> None:
-    """A result with the nodes in an order and the tetrahedra in the reverse one."""
+    """A result with the nodes in an order, and the tetrahedra in another one for each scale."""
     of_nodes, of_cells = fields(mesh)
     order = np.arange(len(mesh.points)) if order is None else order
-    made = grid(mesh.points[order] * scale, np.argsort(order)[mesh.cells][::-1])
+    shift = 0 if scale == 1 else 7
+    made = grid(mesh.points[order] * scale, np.roll(np.argsort(order)[mesh.cells], shift, axis=0))
     for name, values in of_nodes.items():
         made.point_data[name] = values[order]
     for name, values in of_cells.items():
-        made.cell_data[name] = values[::-1]
+        made.cell_data[name] = np.roll(values, shift, axis=0)
     made.save(path)
 
 

@@ -71,6 +71,7 @@ def test_labels_are_never_averaged(made):
     inside = made.from_surface(np.full(len(found), 5, np.int32))
     assert np.isnan(inside).any() and set(inside[~np.isnan(inside)]) == {5}
     of_cells = np.where(made.points[made.cells].mean(axis=1)[:, 0] > 0, 7, 2)
+    assert np.array_equal(made.to_surface(of_cells), of_cells[made.surface_map().nearest.cells])
     for depth in (None, 1.0, (0.0, 4.0)):
         assert set(made.to_surface(of_cells, depth=depth).tolist()) == {2, 7}
 
