@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cortet.formats import drawn_surfaces, freesurfer, stl
 from cortet.formats.freesurfer import Values
-from cortet.formats.untrusted import GZIP, content
+from cortet.formats.untrusted import GZIP, by_library, content, safe_name
+from cortet.formats.values import in_32_bits
 from cortet.meshes import TriSurface
 
 #: number of bytes examined; an OBJ file may begin with comments
 _HEAD = 1 << 16
+#: plain values, as CIVET writes them, begin with a line of one number
+_NUMBERS = re.compile(rb"\s*[-+.\d]+([eE][-+]?\d+)?[ \t]*\r?\n")
 #: first bytes of files that are not read, and what to do; a remedy, if there is one, follows in brackets
 _NAMES = {
     b"#!ascii": "a FreeSurfer surface in text (convert it: mris_convert)",
@@ -37,9 +45,12 @@ def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
 
 
 def values_of(path: Path) -> Values | None:
-    """Per-vertex values or labels of a FreeSurfer file; None for any other file."""
-    if freesurfer.is_values(_beginning(path)[0]):
+    """Per-vertex values or labels of a FreeSurfer file, or of plain numbers; None for any other file."""
+    head, _ = _beginning(path)
+    if freesurfer.is_values(head):
         return freesurfer.read_values(path)
+    if _NUMBERS.match(head):
+        return Values({safe_name(path.name.split(".")[0]): _plain(path)}, {})
     return freesurfer.read_annotation(path) if freesurfer.is_annotation(path) else None
 
 
@@ -49,9 +60,18 @@ def name_of(path: Path) -> str:
     start = head.removeprefix(b'<?xml version="1.0"?>').lstrip()
     if surface_reader(path) is not None:
         return "a surface without values"
-    if freesurfer.is_values(head) or freesurfer.is_annotation(path):
+    if freesurfer.is_values(head) or freesurfer.is_annotation(path) or _NUMBERS.match(head):
         return "a file of values without a surface"
     return next((name for begin, name in _NAMES.items() if start.startswith(begin)), "")
+
+
+def _plain(path: Path) -> NDArray[Any]:
+    """Numbers of a text, one a line: (n,); whole numbers without a point are labels, int32."""
+    text = content(path).decode("utf-8", "replace").strip()
+    whole = re.fullmatch(r"[-+\d\s]+", text) is not None
+    with by_library("one number per line", path):
+        values = np.array([(int if whole else float)(line) for line in text.splitlines()])
+        return in_32_bits(values, "labels", path) if whole else values
 
 
 def _beginning(path: Path) -> tuple[bytes, int]:

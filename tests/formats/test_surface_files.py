@@ -232,6 +232,21 @@ def test_label_tables_of_earlier_tools_are_read_and_labels_without_a_name_have_n
         read_label_names(table('<Label Index="1">insula</Label><Label Key="1"></Label>'))
 
 
+def test_plain_numbers_are_fields(tmp_path):
+    """As CIVET writes them: thickness, and numbers of parcels."""
+    values = np.linspace(1, 3, 162)
+    thick = saved(tmp_path, "thick.txt", "".join(f" {value:.6f}\n" for value in values).encode())
+    parcels = saved(tmp_path, "AAL.txt", b"\r\n".join(b"%d" % (place % 3) for place in range(162)))
+    both = with_fields(BALL, {"t": thick, "p": parcels}).point_data
+    assert both["t"] == pytest.approx(values, abs=1e-6)
+    assert both["p"].dtype == np.int32 and both["p"][:4].tolist() == [0, 1, 2, 0]
+    assert read_label_names(parcels) == {}
+    with pytest.raises(InputError, match="without a surface"):
+        read_surface(thick)
+    with pytest.raises(InputError, match="one number per line"):
+        read_fields(saved(tmp_path, "two.txt", b"1.0\n1.0 2.0\n"))
+
+
 def test_values_and_labels_of_freesurfer_are_fields(tmp_path):
     values, labels = np.linspace(1, 3, 162), np.arange(162) % 3
     thick, annot = tmp_path / "lh.thickness", tmp_path / "lh.aparc.annot"
