@@ -12,10 +12,11 @@ from shapes import ball_surface
 from cortet.config import load
 from cortet.errors import InputError
 from cortet.formats.gifti import write_surface
-from cortet.formats.placement import matrix, placed
+from cortet.formats.placement import matrix, placed, require_precision
 from cortet.geometry.topology import enclosed_volume
 from cortet.meshes import CoordinateFrame, TriSurface
 from cortet.pipeline import run
+from cortet.stages.generate import generate
 
 #: voxels of 0.5 x 0.5 x 0.8 mm, the first axis to the left
 AFFINE = [[-0.5, 0, 0, 60], [0, 0.5, 0, -50], [0, 0, 0.8, -40], [0, 0, 0, 1]]
@@ -80,3 +81,14 @@ def test_the_line_places_what_it_reads_and_records_how():
     assert steps["gate"].parameters["to_mm"] == config.placement()
     assert steps["gate"].report["faces_reoriented"] == 0
     assert "to_mm" not in next(run(surface, load({}))).parameters
+
+
+def test_coordinates_that_a_file_holds_coarsely_are_said_or_refused(caplog):
+    """At 1e5 mm numbers of single precision are 1/128 mm apart, at 1e6 mm 1/16."""
+    ball = ball_surface()
+    require_precision(ball.points + 1e4, 0.6)
+    assert not caplog.text
+    require_precision(ball.points + 1e5, 0.6)
+    assert "0.0078 mm" in caplog.text
+    with pytest.raises(InputError, match="0.062 mm.* 10.4%"):
+        generate(TriSurface(ball.points + 1e6, ball.faces), cell_size=0.6)
