@@ -204,18 +204,16 @@ def test_a_folder_is_filled_if_it_is_new_empty_or_cortets_and_edited_files_stay(
         may_write(full / "../new/a")
 
 
-@pytest.mark.parametrize("kind", ["a link", "a second name", "the input"])
-def test_a_list_that_is_no_file_of_its_own_is_never_written_to(tmp_path, kind):
+@pytest.mark.parametrize("kind", ["a link", "a second name", "the input", "read only"])
+def test_a_list_that_is_an_input_or_read_only_is_never_written_to(tmp_path, monkeypatch, kind):
     manifest, mine = tmp_path / MANIFEST, tmp_path / "mine.txt"
     mine.write_text("mine")
-    if kind == "a link":
-        manifest.symlink_to(mine)
-    elif kind == "a second name":
-        manifest.hardlink_to(mine)
-    else:
-        manifest.write_text("mine")
-    refused(MANIFEST, [manifest] if kind == "the input" else [], files=[tmp_path / "x.vtu"])
-    assert mine.read_text() == "mine" and not (tmp_path / "x.vtu").exists()
+    make = {"a link": manifest.symlink_to, "a second name": manifest.hardlink_to}.get(kind, mine.rename)
+    make(manifest if kind in ("the input", "read only") else mine)
+    if kind == "read only":
+        monkeypatch.setattr("os.access", lambda path, mode: path != manifest)  # root may write anywhere
+    refused(MANIFEST, [] if kind == "read only" else [manifest], files=[tmp_path / "x.vtu"])
+    assert manifest.read_text() == "mine" and not (tmp_path / "x.vtu").exists()
 
 
 @pytest.mark.parametrize("letter", ["x", "\u00fc"])
