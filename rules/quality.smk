@@ -112,7 +112,6 @@ rule volumes:
         names_of_volumes=names_of("volumes"),
         paths=derived(PLAN.volume_paths),
         input_sha256=lambda wildcards: content(PLAN.volume_paths(wildcards)),
-        shares=CONFIG.export.label_shares,
     script:
         "../scripts/volumes.py"
 
@@ -146,7 +145,6 @@ rule export:
         names_of_volumes=names_of("volumes"),
         input_sha256=lambda wildcards: content(PLAN.field_paths(wildcards)),
         paths=derived(PLAN.field_paths),
-        units=CONFIG.export.field_units,
     script:
         "../scripts/export.py"
 
@@ -179,6 +177,5 @@ if CONFIG.export.ten_nodes:
             names_of_volumes=names_of("volumes"),
             input_sha256=lambda wildcards: content(PLAN.field_paths(wildcards)),
             paths=derived(PLAN.field_paths),
-            units=CONFIG.export.field_units,
         script:
             "../scripts/ten_nodes.py"

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def read_made(inputs: Any, params: Any) -> tuple[TetMesh, TriSurface, dict[str, Any]]:
-    """The mesh of a job, the surface that was meshed, and arguments of `solver_files.write.with_sets`."""
+    """The mesh of a job, the surface that was meshed, and arguments of `solver_files.export.with_sets`."""
     mesh = vtu.read(inputs.mesh)
     labels = {
         name: label_names(volume_file(file))
@@ -22,4 +22,4 @@ def read_made(inputs: Any, params: Any) -> tuple[TetMesh, TriSurface, dict[str, 
         if np.issubdtype(mesh.cell_data[name].dtype, np.integer)
     }
     surface = gifti.read_nested(inputs.surface, inputs.inner)
-    return mesh, surface, {"sets": params.sets, "labels": labels, "units": params.units}
+    return mesh, surface, {"sets": params.sets, "labels": labels}

@@ -11,13 +11,13 @@ job = start(snakemake)
 from _exported import read_made
 
 from cortet.meshes import by_region
+from cortet.solver_files.export import export_made
 from cortet.solver_files.meshed import Origin
-from cortet.solver_files.write import write
 
 job.require_unchanged_input()
 mesh, surface, named = read_made(job.input, job.params)
 inner = dict(zip(job.params.inner, map(Path, job.input.inner), strict=True))
-told = write(
+told = export_made(
     mesh,
     surface,
     Path(job.output.mesh),

@@ -10,10 +10,9 @@ job = start(snakemake)
 from _exported import read_made
 
 from cortet.geometry.quadratic import quadratic
-from cortet.solver_files.export import require_certified
+from cortet.solver_files.export import require_certified, with_sets
 from cortet.solver_files.meshed import Origin
 from cortet.solver_files.ten_nodes import write_ten_nodes
-from cortet.solver_files.write import with_sets
 
 job.require_unchanged_input()
 mesh, surface, named = read_made(job.input, job.params)

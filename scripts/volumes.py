@@ -17,9 +17,7 @@ surface = gifti.read_nested(job.input.surface, job.input.inner)
 background = backgrounds(volumes, surface)
 for one in background:
     logging.info("%s", one.sentence)
-mesh, rows = with_volumes(
-    vtu.read(job.input.mesh), volumes, frame=surface.frame, shares=job.params.shares, background=background
-)
+mesh, rows = with_volumes(vtu.read(job.input.mesh), volumes, frame=surface.frame, background=background)
 vtu.write(mesh, job.output.mesh)
 write_table(TISSUE_COLUMNS, rows, job.output.table, job.output.sidecar)
 slices(mesh, *next(iter(volumes.items())), job.output.picture, surface.frame)

@@ -44,6 +44,8 @@ from cortet.measure.layers import require_layers
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, region_names, require_measurable
 from cortet.pipeline import About, Step, companions, mesh_surface
+from cortet.solver_files.export import export_made
+from cortet.solver_files.export import with_sets as with_named_sets
 from cortet.solver_files.fields import with_fields, with_q, without_q
 from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
 from cortet.solver_files.laminar import Laminar
@@ -58,8 +60,6 @@ from cortet.solver_files.volumes import (
     read_volumes,
     with_volumes,
 )
-from cortet.solver_files.write import with_sets as with_named_sets
-from cortet.solver_files.write import write
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -295,9 +295,8 @@ class Mesh:
 
     def named(self) -> TetMesh:
         """The mesh with its named sets and the numbers of its regions, as files hold it."""
-        export = self.config.export
-        sets = {"sets": export.sets(self.origin.kind), "labels": self.label_names, "units": export.field_units}
-        return with_named_sets(self.mesh, self.surface, self.origin, **sets)[0]
+        sets = self.config.export.sets(self.origin.kind)
+        return with_named_sets(self.mesh, self.surface, self.origin, sets=sets, labels=self.label_names)[0]
 
     @short_traceback
     def save(self, path: str | Path, *, force: bool = False) -> Path:
@@ -446,7 +445,6 @@ class Inputs:
             made.mesh,
             self.volumes,
             frame=self.in_mm.frame,
-            shares=self.config.export.label_shares,
             background=self.background,
         )
         large = [one.sentence for one in self.background if one.large]
@@ -603,7 +601,7 @@ def write_files(
     def write_mesh(folder: Path) -> None:
         if is_written:
             told.extend(
-                write(
+                export_made(
                     made.mesh,
                     made.surface,
                     path,
@@ -611,7 +609,6 @@ def write_files(
                     origin=replace(origin, meshed=beside.surfaces),
                     sets=config.export.sets(origin.kind),
                     labels=made.label_names,
-                    units=config.export.field_units,
                     arguments={**config.export_arguments(format_of(path).name), "uncertified": uncertified},
                     temporary=folder,
                 )

@@ -115,7 +115,6 @@ class Config(Section):
             "uncertified": export.uncertified,
             "unit": export.carp_unit,
             "holes": export.holes,
-            "map": export.map,
             "interior": self.transfer.interior,
         }
 

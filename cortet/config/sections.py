@@ -139,17 +139,10 @@ class Export(Section):
     tags: str | None = None
     """Label volume whose labels replace the regions as the numbers of tetrahedra, e.g. tissue. Formats with one number
     per tetrahedron cannot hold both. null: the regions."""
-    map: bool = False
-    """true also writes the sparse matrices from the nodes of each mesh to the vertices of its input surface
-    (.to_surface.npz) and back (.from_surface.npz), for scipy.sparse.load_npz."""
     layers: Annotated[list[Positive], AsShares, Field(min_length=1, max_length=MOST_LAYERS)] | None = None
     """Layers of a cortex around an inner surface `white`: their number, or the share of the volume of each from the
     pial surface on, e.g. [1, 1, 2]. Files then have the sets layer_1, ..., and the fields column, thickness_mm, depth
     and depth_equivolumetric. null: none."""
-    label_shares: bool = False
-    """true also writes the volume fraction of each label in each tetrahedron, for label volumes."""
-    field_units: dict[str, str] = {}
-    """Units of the fields, e.g. {thickness: mm}, for the sidecars."""
 
     def sets(self, kind: str | None) -> dict[str, Any]:
         """Arguments of `cortet.solver_files.sets.named_sets`.

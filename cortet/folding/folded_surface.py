@@ -15,8 +15,8 @@ from cortet.folding.fields import THICKNESS_FIELD
 from cortet.folding.journal import SERIES, series
 from cortet.folding.measurements import depth_below_hull, gaussian_curvature, local_gyrification, mean_curvature
 from cortet.formats import vtu
-from cortet.formats.components import in_components
 from cortet.formats.gifti import write_fields, write_surface
+from cortet.formats.values import in_components
 from cortet.formats.volumes import matrices
 from cortet.geometry.interpolation import applied
 from cortet.geometry.spheres import vertex_areas

@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.formats.atomic import atomic_path
-from cortet.formats.numbering import in_32_bits
 from cortet.formats.surface_sets import sides, with_surface
 from cortet.formats.tags import regions
 from cortet.formats.text import write_rows, write_wrapped
 from cortet.formats.untrusted import require_ascii
+from cortet.formats.values import in_32_bits
 from cortet.meshes import FloatArray, IntArray, TetMesh
 
 #: names of the sets of all nodes and of all elements

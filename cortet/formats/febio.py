@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
-from cortet.formats.components import in_components
 from cortet.formats.surface_sets import with_surface
 from cortet.formats.tags import region_numbers, regions
 from cortet.formats.text import write_rows
 from cortet.formats.untrusted import require_ascii
+from cortet.formats.values import in_components
 from cortet.meshes import FloatArray, IntArray, TetMesh
 
 #: name of the set of all nodes

@@ -27,10 +27,9 @@ from numpy.typing import NDArray
 
 from cortet.formats.atomic import atomic_path
 from cortet.formats.set_arrays import CELL_SET, FACE_SET, NODE_SET
-from cortet.formats.surface_sets import listed_faces, members, with_surface
+from cortet.formats.surface_sets import among, listed_faces, members, with_surface
 from cortet.formats.tags import face_tags, region_numbers, regions
-from cortet.geometry.topology import packed
-from cortet.meshes import REGION, IntArray, TetMesh
+from cortet.meshes import REGION, TetMesh
 
 #: name of the table of tags
 _NAMES = "Information"
@@ -63,7 +62,7 @@ def write(mesh: TetMesh, path: str | Path) -> None:
         if name not in known
     }
     arrays |= {
-        f"facets/cell/{FACE_SET}{name}": _faces_among(faces, subset).astype(np.uint8)
+        f"facets/cell/{FACE_SET}{name}": among(faces, subset).astype(np.uint8)
         for name, subset in mesh.sets.faces.items()
         if name not in tags
     }
@@ -150,9 +149,3 @@ def _item(parent: ElementTree.Element, values: NDArray[Any], where: str) -> None
         Format="HDF",
     )
     item.text = where
-
-
-def _faces_among(faces: IntArray, subset: IntArray) -> NDArray[np.bool_]:
-    """Which of `faces` are in `subset`, regardless of the order of their nodes."""
-    key = packed(np.concatenate([faces, subset]))
-    return np.isin(key[: len(faces)], key[len(faces) :])

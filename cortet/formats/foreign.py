@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.formats import drawn_surfaces, freesurfer, stl
-from cortet.formats.numbering import in_32_bits
+from cortet.formats.freesurfer import Values
 from cortet.formats.untrusted import GZIP, by_library, content, safe_name
+from cortet.formats.values import in_32_bits
 from cortet.meshes import TriSurface
 
 #: number of bytes examined; an OBJ file may begin with comments
@@ -37,37 +38,29 @@ _NAMES = {
 def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
     """The reader of a surface that is not GIfTI, `read(path, finite=...)`; None if the first bytes are unknown."""
     head, size = _beginning(path)
-    if freesurfer.is_surface(head, size):
+    if freesurfer.is_surface(head):
         return freesurfer.read_surface
     read = stl.read if stl.begins(head, size) else drawn_surfaces.read if drawn_surfaces.kind_of(head) else None
     return read and (lambda path, *, finite: read(path))  # noqa: ARG005, PLW0108, never what is not finite
 
 
-def fields_of(path: Path) -> dict[str, NDArray[Any]] | None:
-    """Per-vertex values of a FreeSurfer file, or of plain numbers, by its name; None for any other file."""
-    head, size = _beginning(path)
-    if freesurfer.is_values(head, size):
+def values_of(path: Path) -> Values | None:
+    """Per-vertex values or labels of a FreeSurfer file, or of plain numbers; None for any other file."""
+    head, _ = _beginning(path)
+    if freesurfer.is_values(head):
         return freesurfer.read_values(path)
     if _NUMBERS.match(head):
-        return {safe_name(path.name.split(".")[0]): _plain(path)}
-    return freesurfer.read_annotation(path).field if freesurfer.is_annotation(head, size) else None
-
-
-def label_names_of(path: Path) -> dict[int, str] | None:
-    """Key -> name of the labels of a FreeSurfer annotation; empty for values and numbers; None for any other file."""
-    head, size = _beginning(path)
-    if freesurfer.is_values(head, size) or _NUMBERS.match(head):
-        return {}
-    return freesurfer.read_annotation(path).names if freesurfer.is_annotation(head, size) else None
+        return Values({safe_name(path.name.split(".")[0]): _plain(path)}, {})
+    return freesurfer.read_annotation(path) if freesurfer.is_annotation(path) else None
 
 
 def name_of(path: Path) -> str:
     """Kind of a file that can be read neither as a surface nor as a field; empty if its first bytes are unknown."""
-    head, size = _beginning(path)
+    head, _ = _beginning(path)
     start = head.removeprefix(b'<?xml version="1.0"?>').lstrip()
     if surface_reader(path) is not None:
         return "a surface without values"
-    if freesurfer.is_values(head, size) or freesurfer.is_annotation(head, size) or _NUMBERS.match(head):
+    if freesurfer.is_values(head) or freesurfer.is_annotation(path) or _NUMBERS.match(head):
         return "a file of values without a surface"
     return next((name for begin, name in _NAMES.items() if start.startswith(begin)), "")
 

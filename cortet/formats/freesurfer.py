@@ -21,7 +21,7 @@ from cortet.meshes import CoordinateFrame, TriSurface
 
 logger = logging.getLogger(__name__)
 
-#: first bytes of a file of triangles, of quadrangles, and of values or quadrangles with rounded coordinates
+#: first bytes of a file of triangles, of quadrangles, and of values
 TRIANGLES, QUADRANGLES, VALUES = b"\xff\xff\xfe", b"\xff\xff\xfd", b"\xff\xff\xff"
 #: axes of the volume in the footer of a surface
 _AXES = ("xras", "yras", "zras")
@@ -29,26 +29,23 @@ _AXES = ("xras", "yras", "zras")
 _NONE = -1
 
 
-class Annotation(NamedTuple):
-    """Content of an annotation."""
+class Values(NamedTuple):
+    """Content of a file of values or of an annotation."""
 
-    #: name of the file's field -> (n,) int32, entry of the table for each vertex, -1 for no label
-    field: dict[str, NDArray[np.int32]]
-    #: entry -> name of the label
+    #: name of the file's field -> (n,) numbers, or labels in int32, -1 for none
+    field: dict[str, NDArray[Any]]
+    #: label -> name
     names: dict[int, str]
 
 
-def is_surface(head: bytes, size: int) -> bool:
-    """Whether a file of `size` bytes that begins with `head` is a surface."""
-    if head.startswith(VALUES):
-        vertices, quadrangles = (int.from_bytes(head[begin : begin + 3], "big") for begin in (3, 6))
-        return size == 9 + 6 * vertices + 12 * quadrangles
+def is_surface(head: bytes) -> bool:
+    """Whether a file that begins with `head` is a surface."""
     return head.startswith((TRIANGLES, QUADRANGLES))
 
 
-def is_values(head: bytes, size: int) -> bool:
-    """Whether a file of `size` bytes that begins with `head` is a file of values."""
-    return head.startswith(VALUES) and not is_surface(head, size)
+def is_values(head: bytes) -> bool:
+    """Whether a file that begins with `head` is a file of values."""
+    return head.startswith(VALUES)
 
 
 def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
@@ -64,7 +61,12 @@ def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
         return TriSurface(points, faces, frame=frame)
 
 
-def read_values(path: Path) -> dict[str, NDArray[Any]]:
+def is_annotation(path: Path) -> bool:
+    """Whether a file is an annotation, by its name."""
+    return path.name.endswith(".annot")
+
+
+def read_values(path: Path) -> Values:
     """The values of a file such as `lh.thickness`, named by the end of its name: (n,) float32."""
     data = content(path)
     start = len(VALUES) + 12
@@ -72,20 +74,11 @@ def read_values(path: Path) -> dict[str, NDArray[Any]]:
         vertices, _, columns = np.frombuffer(data, ">i4", 3, len(VALUES)).tolist()
         if columns != 1 or len(data) - start != 4 * vertices:
             raise ValueError(f"{len(data) - start} bytes for {vertices} x {columns} values")
-        return {_field_name(path): np.frombuffer(data, ">f4", vertices, start).astype(np.float32)}
+        return Values({_field_name(path): np.frombuffer(data, ">f4", vertices, start).astype(np.float32)}, {})
 
 
-def is_annotation(head: bytes, size: int) -> bool:
-    """Whether a file of `size` bytes that begins with `head` is an annotation, whose vertices count from 0."""
-    count = int(np.frombuffer(head[:4].ljust(4, b"\0"), ">i4")[0])
-    if not (count > 1 and 4 + 8 * count <= size):
-        return False
-    numbered = np.frombuffer(head[4 : 4 + 8 * min(count, 100)], ">i4")[::2]
-    return np.array_equal(numbered, np.arange(len(numbered)))
-
-
-def read_annotation(path: Path) -> Annotation:
-    """The labels of a file such as `lh.aparc.annot`; InputError if its table leaves out numbers of labels."""
+def read_annotation(path: Path) -> Values:
+    """The labels of a file such as `lh.aparc.annot`, by their place in its table, which leaves out no number."""
     check_file(path)
     with by_library("an annotation of FreeSurfer, not packed", path):
         of_vertex, table, names = read_annot(str(path), orig_ids=True)  # type: ignore[no-untyped-call]
@@ -99,7 +92,7 @@ def read_annotation(path: Path) -> Annotation:
         keys = order[np.minimum(np.searchsorted(colours[order], of_vertex), len(colours) - 1)]
     labels = np.where(colours[keys] == of_vertex, keys, _NONE).astype(np.int32)
     texts = (safe_name(name.decode("utf-8", "replace")) for name in names)
-    return Annotation({_field_name(path): labels}, dict(enumerate(texts)))
+    return Values({_field_name(path): labels}, dict(enumerate(texts)))
 
 
 def _field_name(path: Path) -> str:

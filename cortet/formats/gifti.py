@@ -9,7 +9,6 @@ nothing downstream depends on whether the surface went through a file.
 
 from __future__ import annotations
 
-import html
 import re
 import warnings
 from collections.abc import Iterable, Mapping
@@ -28,7 +27,7 @@ from cortet.errors import DamagedFileError, InputError
 from cortet.formats import foreign, frames
 from cortet.formats.atomic import atomic_path
 from cortet.formats.frames import System
-from cortet.formats.numbering import in_32_bits
+from cortet.formats.hashing import external_names
 from cortet.formats.untrusted import (
     by_library,
     check_file,
@@ -38,6 +37,7 @@ from cortet.formats.untrusted import (
     safe_name,
     safely_named,
 )
+from cortet.formats.values import in_32_bits
 from cortet.meshes import TriSurface
 
 #: name of the region in the file name of an inner surface
@@ -150,8 +150,8 @@ def read_fields(path: str | Path) -> dict[str, NDArray[Any]]:
     Names come from the metadata `Name`, else from the file. Labels are int32 keys. Values and annotations of FreeSurfer
     (`lh.thickness`, `lh.aparc.annot`) are read as well. Raises InputError like `read_surface`.
     """
-    if (fields := foreign.fields_of(Path(path))) is not None:
-        return fields
+    if (found := foreign.values_of(Path(path))) is not None:
+        return found.field
     return _fields(_read(Path(path)), path)
 
 
@@ -160,8 +160,8 @@ def read_label_names(path: str | Path) -> dict[int, str]:
 
     A label without a name is left out. Raises InputError like `read_surface`, and for two labels of one key.
     """
-    if (names := foreign.label_names_of(Path(path))) is not None:
-        return names
+    if (found := foreign.values_of(Path(path))) is not None:
+        return found.names
     labels = _read(Path(path)).labeltable.labels
     if len({label.key for label in labels}) < len(labels):
         raise InputError("two labels of its table have the same key", file=path, remedy="keep one of the two")
@@ -264,8 +264,7 @@ def _fields(image: Any, path: str | Path, count: int | None = None) -> dict[str,
 def _read(path: Path) -> Any:
     """All arrays of a file, in the byte order of this machine; InputError for those that NiBabel misreads."""
     data, parser = content(path), _Parser(mmap=False)
-    for name in re.findall(rb"""ExternalFileName\s*=\s*["']([^"']+)""", data):
-        external = html.unescape(name.decode("utf-8", "replace"))  # NiBabel opens it as it meets it
+    for external in external_names(data):  # NiBabel opens each as it meets it
         if Path(external).name != external:
             what = f"the external file {external} is not in the same folder"
             raise InputError(what, file=path, remedy="move it there, and refer to it without a folder")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import html
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,16 +28,21 @@ def sha256(path: str | Path) -> str:
         ) from error
 
 
+def external_names(data: bytes) -> list[str]:
+    """Names of the files that hold arrays of a GIfTI file, by its content."""
+    return sorted({html.unescape(name.decode("utf-8", "replace")) for name in _EXTERNAL.findall(data)})
+
+
 def companions(path: str | Path) -> list[Path]:
     """The binary files beside a GIfTI file that hold its arrays, as SPM and CAT12 write them; none for other files."""
     path = Path(path)
     if path.suffix != ".gii" or not path.is_file():
         return []
     try:
-        names = {name.decode() for name in _EXTERNAL.findall(path.read_bytes())}
-    except (OSError, UnicodeDecodeError):
+        names = external_names(path.read_bytes())
+    except OSError:
         return []
-    return [path.parent / name for name in sorted(names) if Path(name).name == name and (path.parent / name).is_file()]
+    return [path.parent / name for name in names if Path(name).name == name and (path.parent / name).is_file()]
 
 
 def input_sha256(path: str | Path) -> str:

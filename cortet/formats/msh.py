@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.formats.atomic import atomic_path
-from cortet.formats.components import in_components
 from cortet.formats.surface_sets import listed_faces, with_surface
 from cortet.formats.tags import face_tags, region_numbers, regions
+from cortet.formats.values import in_components
 from cortet.geometry.topology import TET_FACES, packed
 from cortet.meshes import REGION, IntArray, TetMesh
 

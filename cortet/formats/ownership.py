@@ -109,12 +109,13 @@ def may_write(path: Path) -> None:
     guard = _guard.get()
     if guard is None:
         return
-    if set("\r\n") & set(path.name):
-        raise InputError("has a line break in its name", file=path, remedy="give a name of one line")
+    manifest = path.with_name(MANIFEST)
     for given in guard.inputs:
         _refuse_same(path, given)
-    if not guard.is_in_own_folder(path):
-        _require_own_list(path.with_name(MANIFEST), guard)
+        _refuse_same(manifest, given)
+    if manifest.exists() and not (guard.is_in_own_folder(path) or os.access(manifest, os.R_OK | os.W_OK)):
+        what = "should list the files that cortet wrote here, but cortet cannot write to it"
+        raise InputError(what, file=manifest, remedy="delete it or correct its permissions, or use another folder")
     if path.exists() and not path.is_file():
         raise InputError("is a folder, a device or a pipe", file=path, remedy="give the name of a file")
     if os.path.lexists(path) and not (guard.force or guard.owns(path) or is_ours(path)):
@@ -123,18 +124,6 @@ def may_write(path: Path) -> None:
             file=path,
             remedy="give another name, or add --force to replace it",
         )
-
-
-def _require_own_list(manifest: Path, guard: _Guard) -> None:
-    """Raise InputError for a list to which nothing can be added, or which is a file of the user by another name."""
-    if not os.path.lexists(manifest):
-        return
-    alone = manifest.is_file() and not manifest.is_symlink() and manifest.stat().st_nlink == 1
-    for given in guard.inputs:
-        _refuse_same(manifest, given)
-    if not alone or not os.access(manifest, os.R_OK | os.W_OK):
-        what = "should list the files that cortet wrote here, but cortet cannot write to it"
-        raise InputError(what, file=manifest, remedy="delete it or correct its permissions, or use another folder")
 
 
 def mark(folder: Path) -> None:
@@ -204,8 +193,7 @@ def is_ours(path: Path) -> bool:
     manifest = path.with_name(MANIFEST)
     if path.is_symlink() or not (path.is_file() and manifest.is_file()):
         return False
-    own = f"{sha256(path)}  {path.name}"  # behind what a full disk may have left of another line
-    return any(line.endswith(own) for line in manifest.read_text(**_TEXT).split("\n"))
+    return f"{sha256(path)}  {path.name}" in manifest.read_text(**_TEXT).split("\n")
 
 
 def delete(*paths: Path) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from cortet.errors import InputError
 from cortet.formats.untrusted import by_library, check_file
-from cortet.formats.volumes import require_geometry
+from cortet.formats.volumes import is_singular, require_geometry
 from cortet.meshes import CoordinateFrame, FloatArray, TriSurface
 
 logger = logging.getLogger(__name__)
@@ -22,8 +22,6 @@ UNITS = {"mm": 1.0, "m": 1000.0, "cm": 10.0, "um": 0.001}
 
 #: shares of the cell size: a distance between neighbouring numbers that is said, and one that is refused
 _COARSE, _TOO_COARSE = 0.01, 0.05
-#: a matrix is singular if its determinant, over the product of its columns' lengths, is at most this
-_SINGULAR = 1e-6
 
 
 def matrix(unit: str, affine: Sequence[Sequence[float]] | str | Path | None) -> tuple[tuple[float, ...], ...] | None:
@@ -40,12 +38,7 @@ def matrix(unit: str, affine: Sequence[Sequence[float]] | str | Path | None) -> 
         return None
     file = affine if isinstance(affine, (str, Path)) else None
     whole = np.eye(4) if affine is None else _of_image(file) if file is not None else np.array(affine, float)
-    if (
-        whole.shape != (4, 4)
-        or not np.isfinite(whole).all()
-        or (whole[3] != [0, 0, 0, 1]).any()
-        or abs(np.linalg.det(whole[:3, :3])) <= _SINGULAR * np.prod(np.linalg.norm(whole[:3, :3], axis=0))
-    ):
+    if whole.shape != (4, 4) or not np.isfinite(whole).all() or (whole[3] != [0, 0, 0, 1]).any() or is_singular(whole):
         what = f"affine {whole.tolist()} is not 4 x 4 with the last row 0 0 0 1, or flattens space"
         raise InputError(what, file=file, remedy="give the four rows of the voxel-to-mm affine")
     scale = np.diag([*[UNITS[unit]] * 3, 1.0])

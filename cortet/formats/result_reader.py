@@ -1,13 +1,13 @@
 """Read a solver's result with PyVista or meshio in a separate process, since damaged files crash VTK (40 % of `.vtk`).
 
 `cortet.solver_files.results` runs this module as a program. It imports no other module of cortet, so it starts at once.
-Each step goes into an .npz file: `points`, `cells`, `time` if there is one, and fields, whose names are beside as JSON.
+Each step goes into a file, which pickle reads: time, nodes, tetrahedra, fields of nodes, and of tetrahedra.
 """
 
 from __future__ import annotations
 
-import json
 import logging
+import pickle
 import sys
 import warnings
 from collections import Counter
@@ -41,8 +41,8 @@ class _Step(NamedTuple):
     time: float | None
     points: NDArray[Any]
     cells: NDArray[Any]
-    #: `node` and `cell` -> name -> values
-    fields: Mapping[str, Mapping[str, Any]]
+    of_nodes: Mapping[str, Any]
+    of_cells: Mapping[str, Any]
 
 
 def _with_pyvista(path: Path) -> Iterator[_Step]:
@@ -72,8 +72,8 @@ def _of_grid(grid: pyvista.UnstructuredGrid, time: float | None) -> _Step:
     known = [kind for kind in _OF_VTK if kind in grid.cells_dict]
     order = np.concatenate([np.flatnonzero(grid.celltypes == kind) for kind in known] or [np.zeros(0, int)])
     of_cells = {name: np.asarray(values)[order] for name, values in grid.cell_data.items()}
-    fields = {"node": dict(grid.point_data.items()), "cell": of_cells}
-    return _Step(time, grid.points, _corners(grid.cells_dict[kind] for kind in known), fields)
+    corners = _corners(grid.cells_dict[kind] for kind in known)
+    return _Step(time, grid.points, corners, dict(grid.point_data.items()), of_cells)
 
 
 def _with_meshio(path: Path) -> Iterator[_Step]:
@@ -115,7 +115,7 @@ def _of_blocks(
     """A step of meshio's blocks of cells."""
     known = [number for number, block in enumerate(blocks) if block.type in _OF_MESHIO]
     joined = {name: np.concatenate([values[number] for number in known]) for name, values in of_cells.items() if known}
-    return _Step(time, points, _corners(blocks[number].data for number in known), {"node": of_nodes, "cell": joined})
+    return _Step(time, points, _corners(blocks[number].data for number in known), of_nodes, joined)
 
 
 def _corners(blocks: Iterable[NDArray[Any]]) -> NDArray[np.int64]:
@@ -123,18 +123,14 @@ def _corners(blocks: Iterable[NDArray[Any]]) -> NDArray[np.int64]:
     return np.concatenate([none, *(block[:, :_CORNERS].astype(np.int64) for block in blocks)])
 
 
-def _write(step: _Step, path: Path) -> None:
-    arrays: dict[str, Any] = {"points": np.asarray(step.points, float), "cells": step.cells}
-    names: dict[str, dict[str, str]] = {"node": {}, "cell": {}}
-    for kind, fields in step.fields.items():
-        for number, (name, given) in enumerate(fields.items()):
-            values = np.asarray(given)
-            if values.dtype.kind in _NUMBERS and name not in _OF_READERS:
-                names[kind][f"{kind}_{number}"] = name
-                arrays[f"{kind}_{number}"] = values if values.ndim == 1 else values.reshape(len(values), -1)
-    if step.time is not None:
-        arrays["time"] = step.time
-    np.savez(path, names=np.array(json.dumps(names)), **arrays)
+def _numbers(fields: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
+    """The fields that hold real numbers, (n,) or (n, k), without those that readers add."""
+    arrays = {name: np.asarray(values) for name, values in fields.items() if name not in _OF_READERS}
+    return {
+        name: values if values.ndim == 1 else values.reshape(len(values), -1)
+        for name, values in arrays.items()
+        if values.dtype.kind in _NUMBERS
+    }
 
 
 def main(source: str, folder: str) -> None:
@@ -144,7 +140,9 @@ def main(source: str, folder: str) -> None:
     logging.disable()
     try:
         for number, step in enumerate(_with_meshio(path) if path.suffix.lower() == ".xdmf" else _with_pyvista(path)):
-            _write(step, Path(folder) / f"{number:06}.npz")
+            of_nodes, of_cells = _numbers(step.of_nodes), _numbers(step.of_cells)
+            content = (step.time, np.asarray(step.points, float), step.cells, of_nodes, of_cells)
+            (Path(folder) / f"{number:06}.step").write_bytes(pickle.dumps(content))
     except (Exception, SystemExit) as error:  # meshio ends the program for a file that it cannot read
         said = (str(error).strip().splitlines() or [""])[-1].rpartition("): ")[2]  # VTK begins with lines of its code
         sys.exit(f"{said or type(error).__name__}")

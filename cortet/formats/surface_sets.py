@@ -52,6 +52,12 @@ def listed_faces(mesh: TetMesh) -> IntArray:
     return np.concatenate([surface_faces(mesh), *interface_sets(mesh).values()])
 
 
+def among(faces: IntArray, others: IntArray) -> NDArray[np.bool_]:
+    """Which faces (k, 3) are among others, whatever the order of their nodes: (k,)."""
+    keys = packed(np.concatenate([faces, others]))
+    return np.isin(keys[: len(faces)], keys[len(faces) :])
+
+
 def members(count: int, indices: IntArray) -> NDArray[np.uint8]:
     """A set as an array of 0 and 1: (count,)."""
     flags = np.zeros(count, np.uint8)

@@ -223,11 +223,17 @@ def require_geometry(image: Any, path: str | Path) -> None:
         )
 
 
+def is_singular(affine: FloatArray) -> bool:
+    """Whether an affine (4, 4) flattens space, or is not finite there."""
+    linear = affine[:3, :3]
+    return not abs(np.linalg.det(linear)) > _SINGULAR * np.prod(np.linalg.norm(linear, axis=0))
+
+
 def _require_mm(image: Any, affine: FloatArray, path: str | Path) -> None:
     """Raise InputError for an affine that is none, or whose coordinates are not mm."""
-    widths = np.linalg.norm(affine[:3, :3], axis=0)
-    if not abs(np.linalg.det(affine[:3, :3])) > _SINGULAR * np.prod(widths):
+    if is_singular(affine):
         raise InputError("its affine is singular or not finite", file=path, remedy="export it again")
+    widths = np.linalg.norm(affine[:3, :3], axis=0)
     unit = image.header.get_xyzt_units()[0] if hasattr(image.header, "get_xyzt_units") else "mm"
     if unit in ("meter", "micron") or widths.min() < _NARROWEST or widths.max() > _WIDEST:
         size = " x ".join(f"{width:.3g}" for width in widths)

@@ -26,8 +26,6 @@ _BLOCK = 2**21
 class Labelled(NamedTuple):
     """Labels of m tetrahedra."""
 
-    #: (l,) the labels of the volume, ascending
-    keys: NDArray[np.int32]
     #: (m,) the label with the largest share; the smaller one in a tie
     label: NDArray[np.int32]
     #: (m,) that share
@@ -37,8 +35,6 @@ class Labelled(NamedTuple):
     other_share: NDArray[np.float32]
     #: (m,) share of 0
     zero: NDArray[np.float32]
-    #: (m, l) all shares; None if they were not asked for
-    shares: NDArray[np.float32] | None
 
 
 def distinct(values: NDArray[np.integer]) -> NDArray[np.integer]:
@@ -54,9 +50,7 @@ def in_voxels(affine: FloatArray, points: FloatArray) -> FloatArray:
     return np.asarray(points @ inverse[:3, :3].T + inverse[:3, 3])
 
 
-def labels_inside(
-    points: FloatArray, cells: IntArray, labels: NDArray[np.int32], affine: FloatArray, *, shares: bool = False
-) -> Labelled:
+def labels_inside(points: FloatArray, cells: IntArray, labels: NDArray[np.int32], affine: FloatArray) -> Labelled:
     """The label of each tetrahedron: the one that fills most of it. Outside the volume it is 0.
 
     Parameters
@@ -64,11 +58,9 @@ def labels_inside(
     points, cells : of a mesh, (n, 3) mm and (m, 4)
     labels : (i, j, k) whole numbers
     affine : (4, 4) from voxels to mm
-    shares : whether to return the share of every label
     """
     keys = np.union1d(distinct(labels), [0])
     outside, values = int(np.searchsorted(keys, 0)), labels.ravel()
-    every = np.zeros((len(cells), len(keys)), np.float32) if shares else None
     label, other = np.zeros(len(cells), np.int32), np.zeros(len(cells), np.int32)
     share, other_share, zero = (np.zeros(len(cells), np.float32) for _ in range(3))
     for chosen, voxel in _samples(points, cells, affine, labels.shape):
@@ -77,12 +69,10 @@ def labels_inside(
         count = np.bincount(flat.ravel(), minlength=len(chosen) * len(keys)).reshape(-1, len(keys))
         part = count / np.float32(voxel.shape[1])
         label[chosen], share[chosen], zero[chosen] = keys[part.argmax(axis=1)], part.max(axis=1), part[:, outside]
-        if every is not None:
-            every[chosen] = part
         part[:, outside] = 0
         other_share[chosen] = part.max(axis=1)
         other[chosen] = np.where(other_share[chosen] > 0, keys[part.argmax(axis=1)], 0)
-    return Labelled(keys.astype(np.int32), label, share, other, other_share, zero, every)
+    return Labelled(label, share, other, other_share, zero)
 
 
 def means_inside(

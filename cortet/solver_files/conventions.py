@@ -19,6 +19,7 @@ from cortet.formats.surface_sets import (
     INTERFACE,
     OUTER_SURFACE,
     SURFACE,
+    among,
     interface_sets,
     surface_faces,
 )
@@ -79,10 +80,8 @@ def _other_faces(mesh: TetMesh, boundary: IntArray) -> Iterator[str]:
         if name.endswith(INTERFACE) and len(faces):
             if misplaced := _not_between(mesh, faces):
                 yield f"face set {name} names {misplaced} faces that are not between two tetrahedra"
-        elif name not in SURFACE and len(faces):
-            both = packed(np.concatenate([known, faces]))
-            if strange := np.count_nonzero(~np.isin(both[-len(faces) :], both[: -len(faces)])):
-                yield f"face set {name} names {strange} faces that are not on the boundary"
+        elif name not in SURFACE and (strange := np.count_nonzero(~among(faces, known))):
+            yield f"face set {name} names {strange} faces that are not on the boundary"
 
 
 def _not_between(mesh: TetMesh, faces: IntArray) -> int:

@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.sparse import save_npz
 
 from cortet.errors import InputError, StageError
-from cortet.formats import FORMATS, format_of, read_mesh, require_holes
+from cortet.formats import FORMATS, Format, format_of, read_mesh, require_holes
 from cortet.formats.atomic import atomic_folder, write_json
-from cortet.formats.gifti import read_surface
 from cortet.formats.hashing import mesh_sha256
 from cortet.formats.ownership import final_name, may_write
 from cortet.formats.placement import UNITS
 from cortet.formats.surface_sets import CORTICAL_SURFACE, INTERFACE, MEDIAL_WALL, OUTER_SURFACE, with_surface
 from cortet.geometry.filling import require_body
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
+from cortet.measure.layers import cortex_and_white
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, MeshSets, TetMesh, TriSurface
 from cortet.solver_files.conventions import broken_conventions
-from cortet.solver_files.fields import FieldSource, with_q, without_q
+from cortet.solver_files.fields import FieldSource, field_sources, with_q, without_q
 from cortet.solver_files.holes import hollow
-from cortet.solver_files.meshed import moved
+from cortet.solver_files.meshed import Origin, moved
 from cortet.solver_files.names import held, left_out, writable
 from cortet.solver_files.sets import named_sets, tagged
 from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar, sidecar_path
@@ -34,8 +33,64 @@ from cortet.stages.solver_ready import surface_nodes_first
 
 VERSION: int = 8
 
-#: gives sparse matrices of a mesh, by name
-Matrices = Callable[[TetMesh], Mapping[str, Any]]
+
+def with_sets(
+    mesh: TetMesh,
+    surface: TriSurface,
+    origin: Origin,
+    *,
+    sets: Mapping[str, Any],
+    labels: Mapping[str, Mapping[int, str]],
+) -> tuple[TetMesh, dict[str, FieldSource]]:
+    """A mesh with its named sets, as files hold it, and where each of its fields comes from.
+
+    Parameters
+    ----------
+    surface : that was meshed
+    sets : `Export.sets`
+    labels : volume -> label -> name
+    """
+    sources = field_sources(origin.fields)
+    names = {**{name: source.labels for name, source in sources.items()}, **labels}
+    return named_sets(mesh, **sets, inner=list(surface.inner), label_names=names, tissues=labels), sources
+
+
+def export_made(
+    mesh: TetMesh,
+    surface: TriSurface,
+    path: Path,
+    *,
+    certificate: Mapping[str, Any],
+    origin: Origin,
+    sets: Mapping[str, Any],
+    labels: Mapping[str, Mapping[int, str]],
+    arguments: Mapping[str, Any],
+    temporary: Path | None = None,
+) -> list[str]:
+    """Write a mesh for a solver, with its sets and a sidecar; returns what the format cannot hold.
+
+    Every mesh that cortet makes leaves it here. Parameters are those of `with_sets`; and
+
+    Parameters
+    ----------
+    mesh : from `stages.solver_ready`, with the values of its volumes
+    certificate : content of its certificate.json
+    arguments : `Config.export_arguments`
+    temporary : folder that holds the surfaces that were meshed, and gets the files; all of them move to that of `path`
+    """
+    named, sources = with_sets(mesh, surface, origin, sets=sets, labels=labels)
+    made_from = origin.made_from(path.parent, temporary)
+    if sets.get("layers") and cortex_and_white(mesh, surface.inner) is not None:
+        made_from["layers"] = sets["layers"]
+    return export(
+        named,
+        temporary / path.name if temporary else path,
+        certificate=certificate,
+        frame=surface.frame,
+        sources=sources,
+        made_from=made_from,
+        **arguments,
+    )
 
 
 def export(
@@ -47,7 +102,6 @@ def export(
     uncertified: bool = False,
     unit: str = "um",
     holes: Collection[str] = (),
-    beside: Matrices | None = None,
     **about: Any,
 ) -> list[str]:
     """Write `path`, the files that belong to it and its sidecar, complete or not at all.
@@ -60,7 +114,6 @@ def export(
     uncertified : write the mesh even if it is not certified
     unit : unit of the coordinates, ``mm`` or ``um``, for formats that do not state it
     holes : inner regions whose tetrahedra are left out; the certificate is that of the whole mesh
-    beside : gives sparse matrices of the mesh that are written beside it, by name
     about : `frame`, `sources`, `interior` and `made_from`, as `sidecar.sidecar` takes them
 
     Returns
@@ -76,13 +129,9 @@ def export(
     """
     require_holes(holes, solver)
     require_certified(mesh, certificate, path, uncertified=uncertified)
-    bound_to = mesh_sha256(mesh)
     if len((hollowed := hollow(mesh, holes)).cells) < len(mesh.cells):
         mesh, about["made_from"] = hollowed, {**(about.get("made_from") or {}), "holes": list(holes)}
-    mesh, renamed = writable(mesh, solver)
-    matrices = (lambda: {**beside(mesh), "mesh_sha256": bound_to}) if beside else dict
-    lacks = _write_all(mesh, path, solver, unit, matrices, about, final_name(path))
-    return [] if FORMATS[solver].is_surface else renamed + lacks
+    return _write_all(mesh, path, FORMATS[solver], unit, final_name(path), about)
 
 
 def require_certified(mesh: TetMesh, certificate: Mapping[str, Any], path: Path, *, uncertified: bool) -> None:
@@ -99,51 +148,34 @@ def require_certified(mesh: TetMesh, certificate: Mapping[str, Any], path: Path,
         )
 
 
-def _write_all(
-    content: TetMesh | TriSurface,
-    path: Path,
-    solver: str,
-    unit: str,
-    matrices: Callable[[], dict[str, Any]],
-    about: dict[str, Any],
-    named: Path,
-) -> list[str]:
-    """Write a file, those that belong to it and its sidecar; returns what its format cannot hold, in words.
+def _write_all(mesh: TetMesh, path: Path, form: Format, unit: str, source: Path, about: Mapping[str, Any]) -> list[str]:
+    """Write a mesh, the files that belong to it and its sidecar; returns what its format cannot hold, in words.
 
-    Raises StageError, which names the file `named`, if a mesh breaks a convention of solvers.
+    Raises StageError, which names the file `source`, if the mesh breaks a convention of solvers.
     """
-    form, kept, lacks = FORMATS[solver], content, list[str]()
-    if isinstance(content, TetMesh):
-        content = with_q(content) if form.has_q else content
-        if broken := broken_conventions(with_surface(content)):
-            raise StageError("solvers cannot read this mesh: " + "; ".join(broken), file=named)
-        held_mesh = held(content, form.holds, groups=form.has_groups)
-        kept = boundary_with_fields(held_mesh) if form.is_surface else held_mesh
-        lacks = [] if form.is_surface else left_out(content, held_mesh)
+    mesh, renamed = writable(mesh, form.name)
+    mesh = with_q(mesh) if form.has_q else mesh
+    if broken := broken_conventions(with_surface(mesh)):
+        raise StageError("solvers cannot read this mesh: " + "; ".join(broken), file=source)
+    kept = held(mesh, form.holds, groups=form.has_groups)
     may_write(sidecar_path(path))
     # an earlier export of this name may have had other sets
     with atomic_folder(path, replaced=[sidecar_path(path)]) as folder:
-        write(content, folder / path.name, solver=solver, unit=unit, frame=about.get("frame"))
-        maps = matrices()
-        for name in maps.keys() - {"mesh_sha256"}:
-            matrix, maps[name] = maps[name], f"{path.name}.{name}.npz"
-            save_npz(folder / maps[name], matrix)
+        write(mesh, folder / path.name, solver=form.name, unit=unit, frame=about.get("frame"))
+        content = boundary_with_fields(kept) if form.is_surface else kept
         stated = unit if form.has_unit else "mm"
-        record = sidecar(kept, content, solver=solver, files=sorted(folder.iterdir()), unit=stated, **about)
-        write_json(record | ({"map": maps} if maps else {}), sidecar_path(folder / path.name))
-    return lacks
+        record = sidecar(content, mesh, solver=form.name, files=sorted(folder.iterdir()), unit=stated, **about)
+        write_json(record, sidecar_path(folder / path.name))
+    return [] if form.is_surface else renamed + left_out(mesh, kept)
 
 
-def write(
-    content: TetMesh | TriSurface, path: Path, *, solver: str, unit: str = "um", frame: CoordinateFrame | None = None
-) -> None:
+def write(mesh: TetMesh, path: Path, *, solver: str, unit: str = "um", frame: CoordinateFrame | None = None) -> None:
     """Write a mesh, or its boundary, in one format, without its sidecar."""
     form = FORMATS[solver]
     if form.is_surface:
-        surface = content if isinstance(content, TriSurface) else boundary_with_fields(content)
-        form.write(replace(surface, frame=frame or CoordinateFrame()), path)
+        form.write(replace(boundary_with_fields(mesh), frame=frame or CoordinateFrame()), path)
     else:
-        form.write(content, path, **({"unit": unit} if form.has_unit else {}))
+        form.write(mesh, path, **({"unit": unit} if form.has_unit else {}))
 
 
 def boundary_with_fields(mesh: TetMesh) -> TriSurface:
@@ -174,47 +206,33 @@ def convert(
     Raises
     ------
     InputError
-        a file name selects no format; or `source` cannot be read, holds a surface although `target` is a mesh, has
-        inverted tetrahedra, has not the size of a brain, or holds tetrahedra that fill no body
+        a file name selects no format; or `source` cannot be read, holds a surface, has inverted tetrahedra, has not the
+        size of a brain, or holds tetrahedra that fill no body
     StageError
         the mesh breaks a convention of solvers
     """
     written_as, record = format_of(target), read_sidecar(source)
     require_holes((record.get("made_from") or {}).get("holes", ()), written_as.name)
     done = [f"{source.name} was {CHANGED}"] if changed_since(source) else []
-    content: TetMesh | TriSurface
-    if source.name.endswith((".stl", ".gii")) and written_as.is_surface:
-        content = read_surface(source)
-    else:
-        mesh = _in_mm(source, record, source_unit)
-        require_body(mesh, source, holes=True)
-        surface_nodes = boundary_nodes(mesh)
-        if surface_nodes[-1] != len(surface_nodes) - 1:
-            mesh = surface_nodes_first(mesh)[0]
-            done.append("nodes were renumbered so that surface nodes come first")
-        if not mesh.sets.faces:
-            mesh, how = _with_face_sets(mesh)
-            done.append(how)
-        mesh = with_surface(mesh)  # its groups of faces may be parts of the surface, as in files of Gmsh
-        mesh = tagged(mesh, tags) if tags else mesh
-        content, renamed = writable(mesh, written_as.name)
-        done += renamed
-    stored, frame = record.get("coordinate_system"), content.frame if isinstance(content, TriSurface) else None
-    fields = record.get("fields", {})
-    return done + _write_all(
-        content,
-        target,
-        written_as.name,
-        unit,
-        dict,
-        {
-            "frame": CoordinateFrame(**{**stored, "matrix": tuple(stored["matrix"])}) if stored else frame,
-            "sources": {name: _source(field) for name, field in fields.items() if field["source"]},
-            "interior": next((field["interior"] for field in fields.values()), None),
-            "made_from": moved(record.get("made_from"), source.parent, target.parent),
-        },
-        source,
-    )
+    mesh = _in_mm(source, record, source_unit)
+    require_body(mesh, source, holes=True)
+    surface_nodes = boundary_nodes(mesh)
+    if surface_nodes[-1] != len(surface_nodes) - 1:
+        mesh = surface_nodes_first(mesh)[0]
+        done.append("nodes were renumbered so that surface nodes come first")
+    if not mesh.sets.faces:
+        mesh, how = _with_face_sets(mesh)
+        done.append(how)
+    mesh = with_surface(mesh)  # its groups of faces may be parts of the surface, as in files of Gmsh
+    mesh = tagged(mesh, tags) if tags else mesh
+    stored, fields = record.get("coordinate_system"), record.get("fields", {})
+    about = {
+        "frame": CoordinateFrame(**{**stored, "matrix": tuple(stored["matrix"])}) if stored else None,
+        "sources": {name: _source(field) for name, field in fields.items() if field["source"]},
+        "interior": next((field["interior"] for field in fields.values()), None),
+        "made_from": moved(record.get("made_from"), source.parent, target.parent),
+    }
+    return done + _write_all(mesh, target, written_as, unit, source, about)
 
 
 def _in_mm(source: Path, record: Mapping[str, Any], unit: str | None) -> TetMesh:

@@ -29,7 +29,7 @@ class FieldSource:
 
     file: str
     sha256: str
-    #: units of the values, as the configuration states them
+    #: units of the values, `unknown` for those of most files
     units: str
     kind: Literal["label", "scalar"]
     #: key -> name of a label, as the file states it
@@ -85,20 +85,13 @@ def require_finite(values: NDArray[Any], what: str, file: str | Path | None = No
         )
 
 
-def field_sources(files: Mapping[str, str | Path], units: Mapping[str, str] | None = None) -> dict[str, FieldSource]:
-    """The source of each field that `with_fields` makes from these files.
-
-    Parameters
-    ----------
-    units : field, or name of a file in `files`, -> units of its values; a field that is not named gets `unknown`, and
-        `thickness` mm
-    """
-    units = {THICKNESS: "mm", **(units or {})}
+def field_sources(files: Mapping[str, str | Path]) -> dict[str, FieldSource]:
+    """The source of each field that `with_fields` makes from these files; `thickness` is in mm."""
     return {
         field: FieldSource(
             file=str(file),
             sha256=input_sha256(file),
-            units=units.get(field, units.get(name, "unknown")),
+            units="mm" if THICKNESS in (field, name) else "unknown",
             kind="label" if np.issubdtype(values.dtype, np.integer) else "scalar",
             labels=read_label_names(file),
         )

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.formats.surface_sets import CORE, INTERFACE, SURFACE
-from cortet.geometry.topology import boundary_faces, component_labels, numbers, packed, used_vertices
+from cortet.formats.surface_sets import CORE, INTERFACE, among, surface_faces
+from cortet.geometry.topology import boundary_faces, component_labels, numbers, used_vertices
 from cortet.meshes import HOLE_SURFACE, IntArray, MeshSets, TetMesh
 from cortet.stages.solver_ready import surface_nodes_first
 
@@ -88,6 +88,4 @@ def part(mesh: TetMesh, keep: NDArray[np.bool_]) -> TetMesh:
 def _walls(mesh: TetMesh) -> IntArray:
     """The boundary faces in no part of the surface: (k, 3), counter-clockwise seen from inside the holes."""
     every = boundary_faces(mesh)
-    known = [mesh.sets.faces[name] for name in SURFACE if name in mesh.sets.faces]
-    keys = packed(np.concatenate([every, *known]))
-    return every[~np.isin(keys[: len(every)], keys[len(every) :])]
+    return every[~among(every, surface_faces(mesh))]

@@ -10,10 +10,7 @@ from cortet.errors import InputError
 from cortet.geometry.containing import containing
 from cortet.measure.layers import cortical_columns
 from cortet.meshes import FloatArray
-from cortet.solver_files.surface_map import Located, SurfaceMap, ToSurface
-
-#: where a range of depths is sampled: the middles of ten equal parts
-_SAMPLES = (np.arange(10) + 0.5) / 10
+from cortet.solver_files.surface_map import SAMPLES, Located, SurfaceMap, ToSurface
 
 
 class Laminar:
@@ -54,7 +51,7 @@ class Laminar:
 
     def weights(self, first: float, last: float | None = None) -> ToSurface:
         """What brings values of the mesh from a depth to the vertices, or means over a range of depths."""
-        depths = [first] if last is None or last == first else first + (last - first) * _SAMPLES
+        depths = [first] if last is None or last == first else first + (last - first) * SAMPLES
         every = [self._located(depth) for depth in depths]
         return ToSurface(self._map, Located(*(np.concatenate(some) for some in zip(*every, strict=True))))
 

@@ -14,11 +14,11 @@ from typing import Any, Literal
 
 from cortet.errors import InputError
 from cortet.formats.gifti import hemisphere_of, kind_of, read_surface, write_surface
-from cortet.formats.hashing import input_sha256, sha256
+from cortet.formats.hashing import input_sha256
 from cortet.formats.ownership import json_of
 from cortet.geometry.nesting import nested, sheets
 from cortet.meshes import BRAIN, OUTERMOST, TriSurface, region_names
-from cortet.solver_files.sidecar import read_sidecar, sidecar_path
+from cortet.solver_files.sidecar import read_sidecar
 from cortet.solver_files.volumes import sources
 
 #: a hemisphere
@@ -83,26 +83,27 @@ def require_own_stem(
     cell_size : mm
     mesh_sha256 : of `hashing.mesh_sha256`; None before the mesh is made
     """
+    size, digest = cell_size_of(mesh) or cell_size, json_of(certificate_path(mesh)).get("mesh_sha256")
     beside = mesh.parent.iterdir() if mesh.parent.is_dir() else ()
-    others = [file for file in beside if file.stem == mesh.stem and file.name != mesh.name]
-    for other in others:
-        record = read_sidecar(other).get("made_from") if sidecar_path(other).is_file() else None
-        if record and record["given"]:
-            certificate, size = json_of(certificate_path(mesh)), cell_size_of(mesh) or cell_size
-            hashes = {region: one["sha256"] for region, one in record["given"].items()}
-            if hashes != {region: input_sha256(file) for region, file in given.items()}:
-                differs = "a mesh of another surface"
-            elif size != cell_size:
-                differs = f"a mesh of cell size {size:g} mm"
-            elif mesh_sha256 and certificate.get("mesh_sha256", mesh_sha256) != mesh_sha256:
-                differs = "a mesh of other parameters"
-            else:
-                continue
-            raise InputError(
-                f"would overwrite the certificate and the meshed surface of {other.name}, which is {differs}",
-                file=mesh,
-                remedy="give another name, or delete the other mesh and its sidecar",
-            )
+    for other in (file for file in beside if file.stem == mesh.stem and file.name != mesh.name):
+        record = (read_sidecar(other).get("made_from") or {}).get("given")
+        if not record:
+            continue
+        if {region: one["sha256"] for region, one in record.items()} != {
+            region: input_sha256(file) for region, file in given.items()
+        }:
+            differs = "a mesh of another surface"
+        elif size != cell_size:
+            differs = f"a mesh of cell size {size:g} mm"
+        elif mesh_sha256 and digest and digest != mesh_sha256:
+            differs = "a mesh of other parameters"
+        else:
+            continue
+        raise InputError(
+            f"would overwrite the certificate and the meshed surface of {other.name}, which is {differs}",
+            file=mesh,
+            remedy="give another name, or delete the other mesh and its sidecar",
+        )
 
 
 @dataclass(frozen=True)
@@ -161,6 +162,18 @@ def moved(record: Mapping[str, Any] | None, source: Path, target: Path) -> dict[
     return {**record, **surfaces}
 
 
+def recorded_file(mesh: Path, record: Mapping[str, str]) -> Path:
+    """The file of a surface that the sidecar of a mesh records; InputError if it is missing or has changed since."""
+    file = mesh.parent / record["file"]
+    if not file.is_file() or input_sha256(file) != record["sha256"]:
+        raise InputError(
+            f"is missing, or differs from the record in the sidecar of {mesh.name}",
+            file=file,
+            remedy="restore it, name the surface (`cortet project`: --surface), or mesh the surface again",
+        )
+    return file
+
+
 def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) -> tuple[TriSurface, Path]:
     """The surface against which a mesh is checked, with its inner surfaces; and its file.
 
@@ -185,14 +198,7 @@ def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) ->
     if record and all(
         input_sha256(file) == record["given"].get(region, {}).get("sha256") for region, file in named.items()
     ):
-        files = {region: mesh.parent / one["file"] for region, one in record["meshed"].items()}
-        for region, file in files.items():
-            if not file.is_file() or sha256(file) != record["meshed"][region]["sha256"]:
-                raise InputError(
-                    f"the meshed surface is missing, or differs from the record in the sidecar of {mesh.name}",
-                    file=file,
-                    remedy="restore it, or mesh the surface again",
-                )
+        files = {region: recorded_file(mesh, one) for region, one in record["meshed"].items()}
         given = files.pop(next(iter(files)))
         inner = files
     if given is None:

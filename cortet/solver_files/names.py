@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -35,10 +35,11 @@ def writable(mesh: TetMesh, solver: str) -> tuple[TetMesh, list[str]]:
     Truth values become 1 and 0, half precision becomes single, and (n, 3, 3) tensors nine components. Names have no
     slashes or tabs and at most 80 letters; where files are in ASCII, `dïcke` becomes `dicke`, for Abaqus `a b` `a_b`.
     """
-    plain = _naming(solver)
-    sets = MeshSets(*(plain(named) for named in (mesh.sets.nodes, mesh.sets.faces, mesh.sets.cells)))
-    fields = ({name: _real(name, values) for name, values in of.items()} for of in (mesh.point_data, mesh.cell_data))
-    of_nodes, of_cells = map(plain, fields)
+    sets = MeshSets(*(_renamed(named, solver) for named in (mesh.sets.nodes, mesh.sets.faces, mesh.sets.cells)))
+    of_nodes, of_cells = (
+        _renamed({name: _real(name, values) for name, values in fields.items()}, solver)
+        for fields in (mesh.point_data, mesh.cell_data)
+    )
     made = replace(mesh, point_data=of_nodes, cell_data=of_cells, sets=sets)
     changes = [
         f"{old} was renamed to {new}"
@@ -109,21 +110,15 @@ def _real(name: str, values: NDArray[Any]) -> NDArray[Any]:
     return (values.reshape(len(values), -1) if values.ndim > 2 else values).astype(kind, copy=False)
 
 
-def _naming(solver: str) -> Callable[[Mapping[str, Any]], dict[str, Any]]:
-    """What gives named things the names that a solver takes; they differ, for Abaqus in more than case."""
-
-    def named(values: Mapping[str, _T]) -> dict[str, _T]:
-        if solver == "abaqus":
-            names: list[str] = []
-            for name in map(_in_ascii, values):
-                names.append(set_name(name, names))
-            return dict(zip(names, values.values(), strict=True))
-        names = [_in_ascii(name) if solver in ASCII else name for name in values]
+def _renamed(values: Mapping[str, _T], solver: str) -> dict[str, _T]:
+    """The values by names that a solver takes; they differ, for Abaqus in more than case."""
+    names: list[str] = []
+    for given in values:
+        name = _in_ascii(given) if solver in ASCII else given
         if solver == "carp":  # names are parts of names of files, between dots
-            names = [name.replace(".", "_") for name in names]
-        return safely_named(zip(names, values.values(), strict=True))
-
-    return named
+            name = name.replace(".", "_")
+        names.append(set_name(name, names) if solver == "abaqus" else name)
+    return safely_named(zip(names, values.values(), strict=True))
 
 
 def _in_ascii(name: str) -> str:

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import json
+import pickle
 import signal
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import DamagedFileError, InputError
 from cortet.formats import child, result_reader
-from cortet.formats.components import in_components
 from cortet.formats.placement import UNITS
 from cortet.formats.set_arrays import holds_set
-from cortet.formats.untrusted import check_file, naming, safely_named, sound
+from cortet.formats.untrusted import check_file, safely_named, sound
+from cortet.formats.values import in_components
 from cortet.formats.volumes import matrices
 from cortet.geometry.topology import edges, used_vertices
 from cortet.meshes import IntArray, TetMesh
@@ -28,8 +27,6 @@ from cortet.solver_files.surface_map import ToSurface
 
 #: largest difference of the ratio of two extents from that of two units
 _SAME_EXTENT = 1e-3
-#: rounding of coordinates in files, over the extent of the mesh
-_ROUNDED = 1e-5
 #: endings of Exodus
 _EXODUS = (".e", ".exo", ".ex2", ".exii", ".g")
 #: nodes are the same within this share of the shortest edge
@@ -38,8 +35,7 @@ _SAME_NODE = 0.05
 _ASYMMETRY = 1e-4
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(NamedTuple):
     """A result at one time."""
 
     time: float | None
@@ -47,8 +43,7 @@ class Step:
     mesh: TetMesh
 
 
-@dataclass(frozen=True)
-class Order:
+class Order(NamedTuple):
     """How the nodes and tetrahedra of a result are found in the order of a mesh."""
 
     #: (n,) number in the result of each node of the mesh
@@ -56,7 +51,7 @@ class Order:
     #: (m,) likewise of each tetrahedron; None if the result has others
     cells: IntArray | None
     #: what differs, in words
-    told: list[str] = field(default_factory=list)
+    told: list[str]
 
 
 def read_result(path: Path) -> Iterator[Step]:
@@ -78,19 +73,11 @@ def read_result(path: Path) -> Iterator[Step]:
                 file=path,
                 remedy="write VTU, VTK, PVD or XDMF, or what else PyVista or meshio reads",
             )
-        for file in sorted(Path(folder).glob("*.npz")):
-            with np.load(file) as arrays, naming(path):
-                yield _step(dict(arrays), path)
-
-
-def _step(arrays: dict[str, NDArray[Any]], path: Path) -> Step:
-    """A step as `result_reader` writes it."""
-    names = json.loads(str(arrays["names"]))
-    of_nodes, of_cells = ({name: arrays[key] for key, name in names[kind].items()} for kind in ("node", "cell"))
-    if not len(arrays["points"]):
-        raise DamagedFileError("holds no nodes", file=path)
-    mesh = sound(path, arrays["points"], arrays["cells"], of_nodes, of_cells)
-    return Step(float(arrays["time"]) if "time" in arrays else None, mesh)
+        for file in sorted(Path(folder).glob("*.step")):
+            time, points, *content = pickle.loads(file.read_bytes())
+            if not len(points):
+                raise DamagedFileError("holds no nodes", file=path)
+            yield Step(time, sound(path, points, *content))
 
 
 def in_order(result: TetMesh, mesh: TetMesh, *, file: Path, mesh_file: Path) -> Order:
@@ -174,12 +161,11 @@ def on_surface(steps: Iterable[Step], weights: ToSurface, *, file: Path, mesh_fi
         what = "outside the mesh, or without a column of the cortex"
         told[f"{missing:,} vertices have no value (NaN): they are {what}"] = None
     for given in steps:
-        step = _as_it_began(given, mesh)
-        if order is None or last is None or not _same_mesh(step.mesh, last):
-            order = in_order(step.mesh, mesh, file=file, mesh_file=mesh_file)
+        if order is None or last is None or not _same_mesh(given.mesh, last):
+            order = in_order(given.mesh, mesh, file=file, mesh_file=mesh_file)
             told |= dict.fromkeys(order.told)
-        last = step.mesh
-        times.append(step.time)
+        last = given.mesh
+        times.append(given.time)
         done.append(_of_step(last, order, mesh, weights))
         told |= dict.fromkeys(done[-1].told)
     if not any(one.fields for one in done):
@@ -225,20 +211,6 @@ def _endings(times: Sequence[float | None]) -> list[str]:
     if len(times) == 1:
         return [""]
     return [f"_{number if time is None else f'{time:.10g}'}" for number, time in enumerate(times)]
-
-
-def _as_it_began(step: Step, mesh: TetMesh) -> Step:
-    """A frame of `cortet fold`, whose nodes are where they moved to, with its nodes where they began.
-
-    Solvers name their field alike, and leave the nodes where they were, in any order.
-    """
-    moved, found = step.mesh.point_data.get("displacement"), step.mesh
-    if moved is None or moved.shape != mesh.points.shape or len(found.points) != len(mesh.points):
-        return step
-    began = found.points - moved
-    if np.abs(began - mesh.points).max() <= _ROUNDED * np.ptp(mesh.points, axis=0).max():  # false if one is NaN
-        return replace(step, mesh=replace(found, points=began))
-    return step
 
 
 def _same_mesh(one: TetMesh, other: TetMesh) -> bool:

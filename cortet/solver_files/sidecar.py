@@ -41,7 +41,7 @@ def sidecar_path(path: Path) -> Path:
 
 def sidecar(
     content: TetMesh | TriSurface,
-    meant: TetMesh | TriSurface,
+    meant: TetMesh,
     *,
     solver: str,
     files: Iterable[Path],
@@ -55,7 +55,7 @@ def sidecar(
 
     Parameters
     ----------
-    content : what the files hold, in mm
+    content : what the files hold, in mm; the boundary for formats of surfaces
     meant : the mesh that was written, with the names that a format may not hold
     files : files of the export
     unit : unit of the coordinates in the file
@@ -73,7 +73,7 @@ def sidecar(
     }
     if made_from:
         record["made_from"] = dict(made_from)
-    if isinstance(content, TetMesh) and isinstance(meant, TetMesh):
+    if isinstance(content, TetMesh):
         record |= {
             "tetrahedra": len(content.cells),
             "volume_mm3": float(signed_volumes(content.points, content.cells).sum()),

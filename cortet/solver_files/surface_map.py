@@ -19,16 +19,16 @@ from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
 from cortet.formats.hashing import input_sha256
 from cortet.formats.placement import placed
-from cortet.formats.surface_sets import sides
+from cortet.formats.surface_sets import among, sides
 from cortet.formats.volumes import is_volume
 from cortet.geometry.closest_point import closest_points, surface_tree, tree_of
 from cortet.geometry.containing import containing
 from cortet.geometry.interpolation import applied, at_triangles, is_label
 from cortet.geometry.nesting import sheets
-from cortet.geometry.topology import edges, packed, sheet, used_vertices, vertex_normals
+from cortet.geometry.topology import compact, edges, sheet, vertex_normals
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import HOLE_SURFACE, REGION, FloatArray, IntArray, TetMesh, TriSurface, region_names
-from cortet.solver_files.meshed import meshed_surface, parameters_of
+from cortet.solver_files.meshed import meshed_surface, parameters_of, recorded_file
 from cortet.solver_files.sidecar import changed_since, read_sidecar
 
 if TYPE_CHECKING:
@@ -41,8 +41,8 @@ Depth = Millimetres | tuple[Millimetres, Millimetres]
 
 #: mm: half of the vertices of a surface are nearer to the meshed one, or it is another's
 _FAR_MM = 5.0
-#: points at which a range of depths is sampled
-_SAMPLES = 10
+#: where a range of depths is sampled: the middles of ten equal parts
+SAMPLES = (np.arange(10) + 0.5) / 10
 
 
 class Located(NamedTuple):
@@ -116,7 +116,7 @@ class SurfaceMap:
         unknown = any(np.isnan(end) for end in ends if np.ndim(end) == 0)
         if unknown or np.any((first < 0) | (last < first) | np.isinf(first + last)):
             raise InputError(f"{depth} is not a valid depth", remedy=remedy)
-        steps = (np.arange(_SAMPLES) + 0.5) / _SAMPLES if (first < last).any() else np.zeros(1)
+        steps = SAMPLES if (first < last).any() else np.zeros(1)
         known = np.flatnonzero(np.isfinite(self.points).all(axis=1) & np.isfinite(first + last))
         found = []
         for step in steps:
@@ -276,17 +276,10 @@ def _given_file(mesh: Path, given: Mapping[str, Mapping[str, str]]) -> Path:
     """The file of the outermost surface that a mesh was made from, which must be as it was then."""
     if not given:
         raise InputError("no sidecar records the surface it was made from", file=mesh, remedy="name it with --surface")
-    one = next(iter(given.values()))
-    file = mesh.parent / one["file"]
-    if is_volume(str(file)):
-        raise InputError("holds labels, not a surface", file=file, remedy="name a surface with --surface")
-    if not file.is_file() or input_sha256(file) != one["sha256"]:
-        raise InputError(
-            f"is missing, or differs from the record in the sidecar of {mesh.name}",
-            file=file,
-            remedy="restore it, or name the surface with --surface",
-        )
-    return file
+    outermost = next(iter(given.values()))
+    if is_volume(outermost["file"]):
+        raise InputError("holds labels, not a surface", file=outermost["file"], remedy="name a surface with --surface")
+    return recorded_file(mesh, outermost)
 
 
 def _faces_of(mesh: TetMesh, number: int) -> tuple[TriSurface, IntArray]:
@@ -294,12 +287,8 @@ def _faces_of(mesh: TetMesh, number: int) -> tuple[TriSurface, IntArray]:
     surface, nodes = sheet(mesh, number)
     holes = mesh.sets.faces.get(HOLE_SURFACE)
     if holes is not None and len(holes) and number == 0:
-        keys = packed(np.concatenate([holes, nodes[surface.faces]]))
-        faces = surface.faces[~np.isin(keys[len(holes) :], keys[: len(holes)])]
-        used = used_vertices(faces, len(surface.points))
-        place = np.full(len(surface.points), -1, np.int32)
-        place[used] = np.arange(len(used))
-        surface, nodes = TriSurface(surface.points[used], place[faces]), nodes[used]
+        points, faces, used = compact(surface.points, surface.faces[~among(nodes[surface.faces], holes)])
+        surface, nodes = TriSurface(points, faces), nodes[used]
     if not len(surface.faces):
         raise InputError(
             f"the mesh has no faces of surface {number}", remedy="name a region whose surface is part of the mesh"
@@ -313,9 +302,7 @@ def _same(native: TriSurface, meshed: TriSurface) -> tuple[NDArray[np.bool_], ND
 
     Where some triangles differ, chance may make others alike, so a vertex must also be near its place.
     """
-    keys = packed(np.concatenate([native.faces, meshed.faces]))
-    known = np.isin(keys[: len(native.faces)], keys[len(native.faces) :])
-    shared = np.isin(keys[len(native.faces) :], keys[: len(native.faces)])
+    known, shared = among(native.faces, meshed.faces), among(meshed.faces, native.faces)
     count = len(native.points)
     kept = np.bincount(native.faces[known].ravel(), minlength=count) > 0
     if not (known.all() and shared.all()):

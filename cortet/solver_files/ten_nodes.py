@@ -123,22 +123,18 @@ def _write_febio(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Pat
     febio.write_elements(mesh, curved.points, curved.cells, sets.nodes, faces, of_nodes, path)
 
 
-def _by_meshio(file_format: str) -> Writer:
-    """Writer of a format that meshio knows: fields, and sets as arrays of 0 and 1."""
-
-    def write(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path) -> None:
-        of_nodes = with_middles(mesh, curved)
-        of_nodes |= {f"node_set_{name}": members(len(curved.points), nodes) for name, nodes in sets.nodes.items()}
-        of_cells: dict[str, list[NDArray[Any]]] = {REGION: [region_numbers(mesh)]}
-        of_cells |= {f"cell_set_{name}": [members(len(curved.cells), part)] for name, part in sets.cells.items()}
-        of_cells |= {name: [values] for name, values in mesh.cell_data.items() if name != REGION}
-        names = {name: np.array([tag, 3]) for name, tag in regions(mesh).items()}
-        content = meshio.Mesh(
-            curved.points, [("tetra10", curved.cells)], point_data=of_nodes, cell_data=of_cells, field_data=names
-        )
-        meshio.write(path, content, file_format=file_format)
-
-    return write
+def _write_by_meshio(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path) -> None:
+    """Write a format that meshio knows by the suffix: fields, and sets as arrays of 0 and 1."""
+    of_nodes = with_middles(mesh, curved)
+    of_nodes |= {f"node_set_{name}": members(len(curved.points), nodes) for name, nodes in sets.nodes.items()}
+    of_cells: dict[str, list[NDArray[Any]]] = {REGION: [region_numbers(mesh)]}
+    of_cells |= {f"cell_set_{name}": [members(len(curved.cells), part)] for name, part in sets.cells.items()}
+    of_cells |= {name: [values] for name, values in mesh.cell_data.items() if name != REGION}
+    names = {name: np.array([tag, 3]) for name, tag in regions(mesh).items()}
+    content = meshio.Mesh(
+        curved.points, [("tetra10", curved.cells)], point_data=of_nodes, cell_data=of_cells, field_data=names
+    )
+    meshio.write(path, content)
 
 
 def _write_gmsh(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path) -> None:
@@ -161,7 +157,7 @@ def _write_gmsh(mesh: TetMesh, curved: QuadraticMesh, sets: MeshSets, path: Path
 _WRITERS: Mapping[str, tuple[Writer, set[str]]] = {
     ".inp": (_write_abaqus, {"nodes", "faces", "cells"}),
     ".feb": (_write_febio, {"point_data", "nodes", "faces", "cells"}),
-    ".vtu": (_by_meshio("vtu"), {"point_data", "cell_data", "nodes", "cells"}),
+    ".vtu": (_write_by_meshio, {"point_data", "cell_data", "nodes", "cells"}),
     ".msh": (_write_gmsh, {"point_data"}),
-    ".xdmf": (_by_meshio("xdmf"), {"point_data", "cell_data", "nodes", "cells"}),
+    ".xdmf": (_write_by_meshio, {"point_data", "cell_data", "nodes", "cells"}),
 }

@@ -142,7 +142,6 @@ def with_volumes(
     volumes: Mapping[str, Volume],
     *,
     frame: CoordinateFrame | None = None,
-    shares: bool = False,
     background: Sequence[Background] = (),
 ) -> tuple[TetMesh, list[dict[str, Any]]]:
     """The mesh with a cell field for each volume; and the rows of `TISSUE_COLUMNS`.
@@ -155,7 +154,6 @@ def with_volumes(
     Parameters
     ----------
     frame : of the surface that the mesh was made from; it maps to the space of the volumes
-    shares : whether each label gets a field `NAME_share_LABEL`, from 0 to 1
     background : `backgrounds` of the volumes, for the table
     """
     points = to_scanner(mesh.points, frame or CoordinateFrame())
@@ -169,18 +167,12 @@ def with_volumes(
         bare = next((one.fraction for one in background if one.volume == name), None)
         about = {"volume": name, "kind": volume.kind, "background": bare}
         if volume.kind == "labels":
-            found = labels_inside(points, mesh.cells, volume.values, volume.affine, shares=shares)
+            found = labels_inside(points, mesh.cells, volume.values, volume.affine)
             label, share = found.label, found.share
             if np.average(found.zero, weights=size) < _OUTSIDE:
                 label, share = found.other, np.where(found.other_share > 0, found.other_share, found.zero)
             fields[name] = label
             rows += [about | row for row in _tissues(label, share, volume.names, size, q)]
-            if found.shares is not None:
-                fields |= {
-                    f"{name}_share_{key}": found.shares[:, at]
-                    for at, key in enumerate(found.keys.tolist())
-                    if found.shares[:, at].any()
-                }
         else:
             values = _logarithms(volume.values) if volume.kind == "tensors" else volume.values
             means, without = means_inside(points, mesh.cells, values, volume.affine)

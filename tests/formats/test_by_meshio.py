@@ -16,11 +16,8 @@ from cubes import cube_mesh
 from exported import full_mesh
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
-import cortet
-from cortet.cli import main
 from cortet.errors import InputError
 from cortet.formats import FORMATS, braingrowth, read_mesh, vtu
-from cortet.geometry.topology import boundary_surface
 from cortet.meshes import TetMesh
 from cortet.solver_files.export import write
 
@@ -77,44 +74,41 @@ def refused(path: Path) -> str:
     return str(caught.value)
 
 
-def test_commands_and_calls_take_it(tmp_path, capsys):
-    path = written(tmp_path / "x.xdmf")
-    assert main(["quality", str(path)]) == 0
-    assert re.search(r"Tetrahedra +48\n", capsys.readouterr().out)
-    assert len(cortet.read(path, boundary_surface(CUBE)[0]).mesh.cells) == 48
-    assert main(["convert", str(path), str(tmp_path / "y.vtu"), "--source-unit", "mm"]) == 0
-    converted = vtu.read(tmp_path / "y.vtu")  # in another order of its nodes
-    assert np.array_equal(np.sort(converted.point_data["depth"]), FIELDS["depth"])
-
-
-@pytest.mark.parametrize("mode", ["ascii", "binary", "appended", "raw"])
-@pytest.mark.parametrize("compressed", [True, False])
-def test_every_form_that_vtk_writes_is_read(mode, compressed, tmp_path):
-    mesh = full_mesh()
-    vtu.write(mesh, tmp_path / "m.vtu")
+def saved_by_vtk(grid: pyvista.UnstructuredGrid, path: Path, mode: str, *, compressed: bool) -> None:
+    """The file of a grid in one of the forms that VTK writes."""
+    if path.suffix == ".vtk":
+        grid.save(path, binary=mode == "binary")
+        return
     writer = vtkXMLUnstructuredGridWriter()
-    writer.SetFileName(str(tmp_path / "again.vtu"))
-    writer.SetInputData(pyvista.read(tmp_path / "m.vtu"))
+    writer.SetFileName(str(path))
+    writer.SetInputData(grid)
     {"ascii": writer.SetDataModeToAscii, "binary": writer.SetDataModeToBinary}.get(mode, writer.SetDataModeToAppended)()
     writer.SetEncodeAppendedData(mode == "appended")
     writer.SetBlockSize(4096)
     if not compressed:
         writer.SetCompressorTypeToNone()
     assert writer.Write()
-    back = read_mesh(tmp_path / "again.vtu")
-    assert np.allclose(back.points, mesh.points, rtol=1e-5) and np.array_equal(back.cells, mesh.cells)
+
+
+@pytest.mark.parametrize(
+    ("name", "mode", "compressed"),
+    [
+        *(
+            ("m.vtu", mode, compressed)
+            for mode in ("ascii", "binary", "appended", "raw")
+            for compressed in (True, False)
+        ),
+        *(("m.vtk", mode, False) for mode in ("ascii", "binary")),
+    ],
+)
+def test_every_form_that_vtk_writes_is_read(tmp_path, name, mode, compressed):
+    mesh = full_mesh()
+    vtu.write(mesh, tmp_path / "own.vtu")
+    saved_by_vtk(pyvista.read(tmp_path / "own.vtu"), tmp_path / name, mode, compressed=compressed)
+    back = read_mesh(tmp_path / name)
+    assert np.allclose(back.points, mesh.points, rtol=1e-5, atol=1e-5) and np.array_equal(back.cells, mesh.cells)
     assert np.allclose(back.point_data["normal"], mesh.point_data["normal"], rtol=1e-5, atol=1e-6)
     assert np.array_equal(back.point_data["area"], mesh.point_data["area"])
-    assert np.array_equal(back.sets.cells["cortex"], mesh.sets.cells["cortex"])
-
-
-@pytest.mark.parametrize("binary", [True, False])
-def test_a_legacy_vtk_file_of_vtk_itself_is_read(tmp_path, binary):
-    mesh = full_mesh()
-    vtu.write(mesh, tmp_path / "m.vtu")
-    pyvista.read(tmp_path / "m.vtu").save(tmp_path / "m.vtk", binary=binary)
-    back = read_mesh(tmp_path / "m.vtk")
-    assert np.array_equal(back.cells, mesh.cells) and np.allclose(back.points, mesh.points, atol=1e-5)
     assert np.array_equal(back.sets.cells["cortex"], mesh.sets.cells["cortex"])
 
 

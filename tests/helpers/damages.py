@@ -202,8 +202,10 @@ def repaired(path: Path) -> TriSurface:
 
 
 def read_and_convert(path: Path) -> Any:
-    """What a reader makes of a file, which `cortet convert` has to do with as well."""
-    found = read_surface(path) if path.name.endswith((".stl", ".gii")) else read_mesh(path)
+    """What a reader makes of a file, which `cortet convert` has to do with as well, unless it is a surface."""
+    if path.name.endswith((".stl", ".gii")):
+        return read_surface(path)
+    found = read_mesh(path)
     convert(path, path.with_name("other.stl"))
     return found
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import signal
 import subprocess
@@ -15,11 +14,10 @@ import numpy as np
 import pytest
 import pyvista
 from numpy.typing import NDArray
-from scipy.sparse import load_npz
 from shapes import ball_surface
 
 from cortet.cli import main
-from cortet.formats import braingrowth, vtu
+from cortet.formats import vtu
 from cortet.formats.gifti import read_surface, write_fields, write_surface
 from cortet.meshes import TetMesh, TriSurface
 
@@ -56,7 +54,8 @@ def fields(mesh: TetMesh) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDA
     """Fields of nodes, and of tetrahedra."""
     stress = np.zeros((len(mesh.cells), 9))
     stress[:, [0, 4, 8]] = [3.0, 1.0, -1.0]
-    return {"u": mesh.points, "T": mesh.points[:, 2]}, {"S": stress, "e": np.ones(len(mesh.cells))}
+    height = mesh.points[mesh.cells].mean(axis=1)[:, 2]
+    return {"u": mesh.points, "T": mesh.points[:, 2]}, {"S": stress, "e": np.ones(len(mesh.cells)), "h": height}
 
 
 def grid(points: NDArray[np.float64], cells: NDArray[np.integer]) -> pyvista.UnstructuredGrid:
@@ -64,14 +63,15 @@ def grid(points: NDArray[np.float64], cells: NDArray[np.integer]) -> pyvista.Uns
 
 
 def write(mesh: TetMesh, path: Path | str, *, order: NDArray[np.intp] | None = None, scale: float = 1.0) -> None:
-    """A result with the nodes in an order and the tetrahedra in the reverse one."""
+    """A result with the nodes in an order, and the tetrahedra in another one for each scale."""
     of_nodes, of_cells = fields(mesh)
     order = np.arange(len(mesh.points)) if order is None else order
-    made = grid(mesh.points[order] * scale, np.argsort(order)[mesh.cells][::-1])
+    shift = 0 if scale == 1 else 7
+    made = grid(mesh.points[order] * scale, np.roll(np.argsort(order)[mesh.cells], shift, axis=0))
     for name, values in of_nodes.items():
         made.point_data[name] = values[order]
     for name, values in of_cells.items():
-        made.cell_data[name] = values[::-1]
+        made.cell_data[name] = np.roll(values, shift, axis=0)
     made.save(path)
 
 
@@ -274,7 +274,7 @@ def test_a_node_that_does_not_exist_and_a_reader_that_breaks_down_are_refused(me
     assert not Path("r.func.gii").exists()
 
 
-# --- relative depth, matrices
+# --- relative depth
 
 
 def test_a_relative_depth_is_a_part_of_the_thickness(folder, mesh):
@@ -300,16 +300,6 @@ def test_the_thickness_of_the_mesh_differs_from_vertex_to_vertex(folder, mesh):
     assert np.median(below[x < -4]) == pytest.approx(RADIUS - 3, abs=0.1)
 
 
-def test_labels_stay_labels_on_every_way(folder, mesh):
-    made = grid(mesh.points, mesh.cells)
-    made.point_data["of_nodes"] = np.where(mesh.points[:, 2] > 0, 9, 2)
-    made.cell_data["of_cells"] = np.where(mesh.points[mesh.cells].mean(axis=1)[:, 2] > 0, 9, 2)
-    made.save("r.vtu")
-    for depth in ([], ["--depth", "1:3"], ["--depth", f"{RADIUS - 1}:{RADIUS + 9}"]):
-        for values in projected("r.vtu", *depth).values():
-            assert set(values[np.isfinite(values)].tolist()) == {2, 9}
-
-
 def test_files_of_the_other_hemisphere_are_refused(folder, mesh, capsys):
     write(mesh, "r.vtu")
     write_surface(ball_surface(3, RADIUS), "right.surf.gii")
@@ -329,36 +319,3 @@ def test_sets_are_no_results(folder, mesh):
     result.cell_data["q"] = np.ones(len(mesh.cells))  # a field of the solver that has this name
     result.save("s.vtu")
     assert set(projected("s.vtu")) == {"height", "q"}
-
-
-def test_a_frame_of_a_fold_is_projected_where_its_nodes_began(folder, mesh):
-    words = ["--ga", "28", "--end", "28.2", "--surfaces", "28.2", "--force"]  # no brain is so small
-    assert main(["fold", "x.vtu", *words, "-o", "folded"]) == 0
-    last = max(Path("folded/frames").glob("*.vtu"))
-    assert {"displacement_1", "stress_principal_1", "stretch", "J"} <= set(projected(str(last)))
-
-
-def test_a_displacement_of_a_solver_is_no_frame_of_a_fold(folder, mesh):
-    """dolfinx writes its nodes where they began, in an order of its own; at a node it may be unknown."""
-    order = np.random.default_rng(1).permutation(len(mesh.points))
-    result = grid(mesh.points[order], np.argsort(order)[mesh.cells])
-    result["displacement"] = 0.1 * mesh.points[order] + 1
-    result["displacement"][0] = np.nan
-    result.save("r.vtu")
-    moved = projected("r.vtu")["displacement_3"]
-    known = np.isfinite(moved)
-    assert known.mean() > 0.9 and np.abs(moved - 0.1 * heights() - 1)[known].max() < 0.1
-
-
-def test_a_mesh_may_come_with_its_matrices(folder):
-    Path("map.yaml").write_text("export: {map: true}")
-    made = ["mesh", "x.surf.gii", "--ga", "28", "--cell-size", "3.5", "--config", "map.yaml", "-o", "m.mesh"]
-    assert main(made) == 0
-    record = json.loads(Path("m.mesh.json").read_text())
-    certificate = json.loads(Path("m.certificate.json").read_text())
-    assert record["map"]["mesh_sha256"] == certificate["mesh_sha256"]
-    assert set(record["files"]) == {"m.mesh", record["map"]["to_surface"], record["map"]["from_surface"]}
-    to_surface, back = (load_npz(record["map"][name]) for name in ("to_surface", "from_surface"))
-    nodes, surface = braingrowth.read("m.mesh").points, read_surface("x.surf.gii")
-    assert np.abs(to_surface @ nodes - surface.points).max() < 0.6
-    assert back.shape == to_surface.shape[::-1]

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cubes import cube_mesh
 from exported import full_mesh
 from shapes import ball_mesh
 
@@ -22,13 +21,6 @@ from cortet.stages.solver_ready import surface_nodes_first
 @pytest.fixture(scope="module")
 def ball() -> TetMesh:
     return surface_nodes_first(ball_mesh(3, radius=10.0))[0]
-
-
-def test_without_labels_the_whole_boundary_is_cortical_surface(ball):
-    sets = named_sets(ball).sets
-    assert np.array_equal(sets.nodes["cortical_surface"], boundary_nodes(ball))
-    assert np.array_equal(sets.faces["cortical_surface"], boundary_faces(ball))
-    assert sets.nodes.keys() == sets.faces.keys() == {"cortical_surface"}
 
 
 def test_cortex_is_what_lies_within_a_depth(ball):
@@ -134,11 +126,3 @@ def test_fields_that_are_not_there_or_that_no_file_holds_are_refused(arguments, 
         labels = np.where(np.arange(len(mesh.cells)) % 2, 0, largest)
         with pytest.raises(InputError, match=word):
             named_sets(replace(mesh, cell_data={"large": labels}), **arguments)
-
-
-def test_sets_follow_when_nodes_are_renumbered():
-    cube = cube_mesh(3, side=4.0)
-    mesh = named_sets(cube, cortex_depth=1.0)
-    ready, _ = surface_nodes_first(mesh)
-    assert np.array_equal(ready.sets.faces["cortical_surface"], boundary_faces(ready))
-    assert np.array_equal(ready.sets.nodes["cortical_surface"], boundary_nodes(ready))

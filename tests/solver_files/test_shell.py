@@ -21,11 +21,10 @@ from cortet.geometry.intersection import self_intersections
 from cortet.geometry.nesting import nested
 from cortet.geometry.topology import boundary_faces, enclosed_volume, face_normals, surface_topology
 from cortet.measure.quality import signed_volumes
-from cortet.meshes import TriSurface, region_names, single_precision
+from cortet.meshes import TriSurface, region_names
 from cortet.solver_files.holes import regions_of
 from cortet.solver_files.label_surfaces import with_shell
 from cortet.solver_files.sets import with_regions
-from cortet.stages.separate import separate
 
 H = 2.0
 
@@ -146,15 +145,6 @@ def test_coordinates_in_metres_get_a_shell_in_mm():
     outer = with_shell(metres, 3.0, to_mm)
     assert np.linalg.norm(outer.points, axis=1).min() == pytest.approx(0.013, rel=0.08)
     assert outer.inner["brain"].points is not None and list(outer.inner) == ["brain"]
-
-
-def test_the_white_surface_gives_way_to_the_pial_one_also_within_a_shell():
-    pial, white = ball_surface(4, radius=10.0), ball_surface(4, radius=8.0)
-    white = TriSurface(white.points + np.array([1.95, 0, 0]), white.faces)  # 0.05 mm from it
-    apart, report = separate(with_shell(nested(pial, {"white": white}), 2.0), cell_size=1.0)
-    assert np.array_equal(apart.inner["cortex"].points, single_precision(pial).points)
-    moved = {one.name: one.moved_max_mm for one in report.surfaces}
-    assert moved["cortex"] < 1e-6 and moved["white"] > 0.4
 
 
 def test_a_volume_of_the_brain_alone_is_in_place_within_a_shell(tmp_path):
