@@ -113,7 +113,8 @@ def may_write(path: Path) -> None:
     for given in guard.inputs:
         _refuse_same(path, given)
         _refuse_same(manifest, given)
-    if manifest.exists() and not (guard.is_in_own_folder(path) or os.access(manifest, os.R_OK | os.W_OK)):
+    unusable = manifest.is_symlink() or (manifest.exists() and not os.access(manifest, os.R_OK | os.W_OK))
+    if unusable and not guard.is_in_own_folder(path):
         what = "should list the files that cortet wrote here, but cortet cannot write to it"
         raise InputError(what, file=manifest, remedy="delete it or correct its permissions, or use another folder")
     if path.exists() and not path.is_file():
