@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from cortet.geometry.counting import behind_faces, cells_around
+from cortet.geometry.counting import behind_faces
 from cortet.geometry.remembering import OncePerCells, once_per_object
 from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, TriSurface
 
@@ -195,7 +195,10 @@ def sheet(mesh: TetMesh, number: int) -> tuple[TriSurface, IntArray]:
 
 def incidence(cells: IntArray, vertex_count: int) -> Incidence:
     """Cells (triangles or tetrahedra) around every vertex."""
-    return Incidence(*cells_around(np.ascontiguousarray(cells, np.int32), vertex_count))
+    count, size = cells.shape
+    corners, starts = np.tile(np.arange(size, dtype=np.int8), count), np.arange(0, cells.size + 1, size)
+    around = csr_matrix((corners, cells.ravel(), starts), shape=(count, vertex_count)).tocsc()
+    return Incidence(around.indptr.astype(np.int64), around.indices.astype(np.int32), around.data)
 
 
 def edges(simplices: IntArray) -> IntArray:

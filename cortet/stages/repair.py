@@ -2,7 +2,7 @@
 
 A surface without a flaw passes with its arrays unchanged. The steps run in the order that changes least: first repairs
 that equal positions and indices decide, then new triangles in holes, then cuts through handles, and last crossing
-triangles. As a last resort, the whole surface is rebuilt on a grid instead.
+triangles.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def repair(
     Parameters
     ----------
     surface : as read; coordinates need not be finite; its inner surfaces stay as they are
-    settings : as `Repair` describes them; `geometry.rebuilding` is the method voxel
+    settings : as `Repair` describes them
     source : where it comes from, for messages and the report
     allow_genus : number of handles that may stay
 
