@@ -1,11 +1,11 @@
 """Sets of grid points with the topology of a ball.
 
 The surface around the points is that of VTK's flying edges: points inside are joined along the edges of the grid,
-points outside along edges and across faces as well. A point may join a set if its neighbours inside the set that touch it are
-connected, and so are those outside (Bertrand and Malandain, Pattern Recognition Letters 15, 1994). The set then keeps
-its topology. So a set that grows from one point by such points alone, the deepest first, stays a ball: handles are cut
-where they are thinnest. If the outside grows instead, tunnels are closed where they are narrowest, and cavities are
-filled. The idea is that of topology-preserving fast marching (Bazin and Pham, Medical Image Analysis 11, 2007).
+points outside along edges and across faces as well. A point may join a set if its neighbours inside the set that touch
+it are connected, and so are those outside (Bertrand and Malandain, Pattern Recognition Letters 15, 1994). The set then
+keeps its topology. So a set that grows from one point by such points alone, the deepest first, stays a ball: handles
+are cut where they are thinnest. If the outside grows instead, tunnels are closed where they are narrowest, and cavities
+are filled. The idea is that of topology-preserving fast marching (Bazin and Pham, Medical Image Analysis 11, 2007).
 
 Each handle should be mended in the way that changes fewer points. So cuts and fillings of few points are made first,
 and larger ones only where they are still needed (after Han et al., IEEE Transactions on Medical Imaging 21, 2002). Of

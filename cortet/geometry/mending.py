@@ -90,32 +90,22 @@ def merged(work: Triangles, tolerance: float) -> tuple[Triangles, IntArray]:
     position stays; returns also the vertices that were merged into it.
     """
     rim = border_vertices(work.faces)
-    pairs = cKDTree(work.points[rim]).query_pairs(tolerance, output_type="ndarray")
-    if not len(pairs):
-        return work, np.zeros(0, np.int32)
-    graph = coo_matrix((np.ones(len(pairs), np.int8), pairs.T), shape=(len(rim), len(rim)))
-    label = connected_components(graph, directed=False)[1]
-    first = np.full(label.max() + 1, len(rim))
-    np.minimum.at(first, label, np.arange(len(rim)))
-    stands_for = np.arange(len(work.points), dtype=np.int32)
-    stands_for[rim] = rim[first[label]]
-    gone = np.flatnonzero(stands_for != np.arange(len(stands_for))).astype(np.int32)
-    return work._replace(faces=stands_for[work.faces]), gone
+    return _joined(work, rim[cKDTree(work.points[rim]).query_pairs(tolerance, output_type="ndarray")])
 
 
 def collapsed(work: Triangles, tolerance: float) -> tuple[Triangles, IntArray]:
     """The triangles after edges up to `tolerance` mm long are collapsed; returns also the vertices that are gone."""
     sides = work.faces[:, TRI_EDGES].reshape(-1, 2)
     short = np.linalg.norm(work.points[sides[:, 0]] - work.points[sides[:, 1]], axis=1) <= tolerance
-    pairs = sides[short & (sides[:, 0] != sides[:, 1])]
-    if not len(pairs):
-        return work, np.zeros(0, np.int32)
+    return _joined(work, sides[short & (sides[:, 0] != sides[:, 1])])
+
+
+def _joined(work: Triangles, pairs: IntArray) -> tuple[Triangles, IntArray]:
+    """The triangles after each vertex became the first of those that pairs (k, 2) join it to; and those now gone."""
     count = len(work.points)
     graph = coo_matrix((np.ones(len(pairs), np.int8), pairs.T), shape=(count, count))
     label = connected_components(graph, directed=False)[1]
-    first = np.full(label.max() + 1, count, np.int32)
-    np.minimum.at(first, label, np.arange(count, dtype=np.int32))
-    stands_for = first[label]
+    stands_for = np.unique(label, return_index=True)[1].astype(np.int32)[label]
     return work._replace(faces=stands_for[work.faces]), np.flatnonzero(stands_for != np.arange(count)).astype(np.int32)
 
 
@@ -161,9 +151,7 @@ def split_fans(work: Triangles) -> tuple[Triangles, IntArray]:
     Edges of exactly two faces hold a fan together, so this also separates surfaces that touch along an edge.
     """
     faces = work.faces
-    fan = fans(faces)
-    vertex = np.zeros(fan.max(initial=-1) + 1, np.int64)
-    vertex[fan] = faces.ravel()
+    fan, vertex = fans(faces)
     order = np.argsort(vertex, kind="stable")
     further = order[1:][vertex[order][1:] == vertex[order][:-1]]  # the first fan keeps the vertex
     if not len(further):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cortet.geometry.closest_point import SurfaceTree
 from cortet.geometry.nesting import depths
 from cortet.geometry.thickness import thickness
-from cortet.geometry.topology import edges, neighbour_means, vertex_normals
+from cortet.geometry.topology import edges, mean_edge, neighbour_means, vertex_normals
 from cortet.geometry.uncrossing import moved_apart
 from cortet.meshes import FloatArray, IntArray, TriSurface, single_precision
 
@@ -76,9 +76,7 @@ def _samples(surface: TriSurface, *, spacing: float) -> tuple[IntArray, FloatArr
     """
     number = np.arange(len(surface.points), dtype=np.int32)
     corners, weights = [np.column_stack([number] * 3)], [np.tile([1.0, 0, 0], (len(number), 1))]
-    start, end = edges(surface.faces).T
-    edge = float(np.linalg.norm(surface.points[start] - surface.points[end], axis=1).mean())
-    parts = int(np.ceil(edge / (2 * spacing)))
+    parts = int(np.ceil(mean_edge(surface.points, surface.faces) / (2 * spacing)))
     grid = [(i / parts, j / parts) for i in range(parts + 1) for j in range(parts + 1 - i)] if parts > 1 else []
     for u, v in [(1 / 3, 1 / 3), *grid]:
         if max(u, v, 1 - u - v) < 1:

@@ -228,11 +228,8 @@ def surface_topology(faces: IntArray) -> SurfaceTopology:
     ----------
     faces : (m, 3) int32
     """
-    sides = _sides(faces)
-    fan = fans(faces, sides)
-    fan_vertex = np.zeros(fan.max(initial=-1) + 1, np.int64)
-    fan_vertex[fan] = faces.ravel()
-    of_vertex = np.bincount(fan_vertex)
+    sides = sides_of(faces)
+    of_vertex = np.bincount(fans(faces, sides)[1])
     return SurfaceTopology(
         components=components(faces),
         euler_number=int(np.count_nonzero(of_vertex) - len(sides.counts) + len(faces)),
@@ -243,7 +240,7 @@ def surface_topology(faces: IntArray) -> SurfaceTopology:
     )
 
 
-class _Sides(NamedTuple):
+class Sides(NamedTuple):
     """The sides of faces and the edges they form; side 3 f + i runs from corner i of face f to corner i + 1."""
 
     #: (e,) faces at each edge
@@ -255,7 +252,8 @@ class _Sides(NamedTuple):
     same: NDArray[np.bool_]
 
 
-def _sides(faces: IntArray) -> _Sides:
+def sides_of(faces: IntArray) -> Sides:
+    """The sides of triangles (m, 3), by the edges they form, ordered by edge."""
     directed = faces[:, TRI_EDGES].reshape(-1, 2)
     order = np.argsort(packed(directed), kind="stable")
     ordered = directed[order]
@@ -263,16 +261,16 @@ def _sides(faces: IntArray) -> _Sides:
     counts = np.diff(np.r_[starts, len(order)])
     paired = starts[counts == 2]
     first, second = order[paired], order[paired + 1]
-    return _Sides(counts, first, second, directed[first, 0] == directed[second, 0])
+    return Sides(counts, first, second, directed[first, 0] == directed[second, 0])
 
 
-def fans(faces: IntArray, sides: _Sides | None = None) -> NDArray[np.int64]:
-    """The fan that each corner of each face belongs to: (3 m,), corner i of face f at 3 f + i.
+def fans(faces: IntArray, sides: Sides | None = None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The fan that each corner of each face belongs to, (3 m,), corner i of face f at 3 f + i; the vertex of each fan.
 
     The two faces of an edge link their corners at both of its ends. The fans of a vertex are the connected components
     of its corners. Edges of one face, or of more than two, link none.
     """
-    first, second, same = (sides or _sides(faces))[1:]
+    first, second, same = (sides or sides_of(faces))[1:]
     after_first, after_second = (side // 3 * 3 + (side % 3 + 1) % 3 for side in (first, second))
     links = (
         np.concatenate([first, after_first]),
@@ -280,7 +278,10 @@ def fans(faces: IntArray, sides: _Sides | None = None) -> NDArray[np.int64]:
     )
     corners = 3 * len(faces)
     graph = coo_matrix((np.ones(len(links[0]), np.int8), links), shape=(corners, corners))
-    return connected_components(graph, directed=False)[1]
+    fan = connected_components(graph, directed=False)[1]
+    vertex = np.zeros(fan.max(initial=-1) + 1, np.int64)
+    vertex[fan] = faces.ravel()
+    return fan, vertex
 
 
 def cut_components(mesh: TetMesh, faces: IntArray) -> IntArray:
@@ -344,6 +345,12 @@ def enclosed_centroid(points: FloatArray, faces: IntArray) -> FloatArray:
     volumes = np.einsum("ij,ij->i", a, np.cross(b, c))
     centroid: FloatArray = middle + volumes @ (a + b + c) / (4 * volumes.sum())
     return centroid
+
+
+def mean_edge(points: FloatArray, faces: IntArray) -> float:
+    """Mean length of the edges, mm."""
+    start, end = edges(faces).T
+    return float(np.linalg.norm(points[start] - points[end], axis=1).mean())
 
 
 def neighbour_means(points: FloatArray, faces: IntArray) -> FloatArray:

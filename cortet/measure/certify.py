@@ -47,10 +47,9 @@ from cortet.measure.checks import (
     smaller_cells,
     topology_numbers,
 )
-from cortet.measure.fidelity import Fidelity, fidelity
+from cortet.measure.fidelity import Fidelity, Native, fidelity, native_record
 from cortet.measure.layers import LayerRecord, layer_records
 from cortet.measure.lost import LostPlace, lost_places
-from cortet.measure.native import Native, native_record
 from cortet.measure.quality import QualitySummary, quality, signed_volumes, summarise
 from cortet.measure.regions import (
     InterfaceRecord,

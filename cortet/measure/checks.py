@@ -10,8 +10,7 @@ from typing import Literal, NamedTuple
 from cortet.config.sections import Certify
 from cortet.geometry.filling import WORDS
 from cortet.geometry.topology import SurfaceTopology
-from cortet.measure.fidelity import Fidelity
-from cortet.measure.native import Native
+from cortet.measure.fidelity import Fidelity, Native
 from cortet.measure.regions import InterfaceRecord
 
 Comparison = Literal["<", "<=", "==", ">="]

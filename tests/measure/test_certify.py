@@ -15,7 +15,9 @@ from wrong_meshes import sound, touching, with_listed_twice, with_slit
 
 from cortet.config.sections import Certify
 from cortet.errors import InputError
-from cortet.geometry.banks import banks, gaps, slits
+from cortet.geometry.banks import banks, slits
+from cortet.geometry.closest_point import tree_of
+from cortet.geometry.thickness import gaps
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import SCHEMA, Certificate, certify
 from cortet.measure.checks import KINDS, Check, Number, checked, remedies
@@ -200,7 +202,7 @@ def test_a_gap_that_the_surface_has_is_no_slit():
     assert found.least_share == pytest.approx(1)
     end = 0.3 / 5 / 2  # radians
     place, normal = np.array([[np.cos(end), np.sin(end), 0]]) * 5, np.array([[np.sin(end), -np.cos(end), 0]])
-    assert gaps(narrow, place, normal, 2.0) == pytest.approx([0.3], rel=1e-3)
+    assert gaps(tree_of(narrow), place, normal, 2.0) == pytest.approx([0.3], rel=1e-3)
     closed = horseshoe(0.006)
     assert banks(closed, narrow).least_share < 0.03
     faces = slits(closed, narrow, 0.03)
