@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError, place_mm
 from cortet.geometry.counting import wrong_faces
-from cortet.geometry.defects import defective_vertices
+from cortet.geometry.mending import defective_vertices
 from cortet.geometry.remembering import once_per_object
 from cortet.geometry.topology import (
     TET_FACES,

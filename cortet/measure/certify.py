@@ -22,10 +22,10 @@ from cortet.config.sections import Certify
 from cortet.errors import InputError, StageError, place_mm
 from cortet.formats.hashing import input_sha256, mesh_sha256
 from cortet.geometry.banks import Banks, banks
-from cortet.geometry.defects import defective_vertices
 from cortet.geometry.filling import flaws
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.limits import CELL_SIZE_MM, require_within
+from cortet.geometry.mending import defective_vertices
 from cortet.geometry.nesting import sheets
 from cortet.geometry.topology import (
     SurfaceTopology,

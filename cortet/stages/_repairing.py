@@ -13,12 +13,11 @@ from cortet.config.stages import Repair
 from cortet.errors import InputError, place_mm
 from cortet.geometry import mending
 from cortet.geometry.closest_point import closest_points, tree_of
-from cortet.geometry.defects import flat_faces
 from cortet.geometry.handles import without_handles
 from cortet.geometry.holes import capped, closed_volume, replaced, rim_length, rims
 from cortet.geometry.interpolation import at_triangles
 from cortet.geometry.intersection import self_intersections
-from cortet.geometry.mending import CAP, REPLACED, Triangles
+from cortet.geometry.mending import CAP, REPLACED, Triangles, flat_faces
 from cortet.geometry.orientation import outward
 from cortet.geometry.topology import enclosed_volume, face_normals, neighbour_means, surface_topology
 from cortet.geometry.uncrossing import uncrossed

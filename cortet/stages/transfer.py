@@ -39,8 +39,6 @@ class TransferReport:
     nodes_further_than_1mm: int
     #: how interior nodes got their values; labels always come from the nearest boundary node
     interior: str
-    #: interior nodes whose values were clipped to the range of those on the boundary, summed over the fields
-    nodes_cut_off: int
 
 
 def transfer(mesh: TetMesh, surface: TriSurface, settings: Transfer = Transfer()) -> tuple[TetMesh, TransferReport]:
@@ -85,21 +83,19 @@ def transfer(mesh: TetMesh, surface: TriSurface, settings: Transfer = Transfer()
         nodes = np.concatenate([walls[number] for number in numbers])
         return nodes, _nearest(mesh.points, nodes)
 
-    fields, cut_off = {}, 0
+    fields = {}
     for name, parts in known.items():
         nodes, source = sources(tuple(parts))
         carried = np.concatenate(list(parts.values()))[source]
         if settings.interior == "harmonic" and not is_label(carried) and len(nodes) < len(mesh.points):
             columns = carried.reshape(len(carried), -1).astype(np.float64)
-            solved, clipped = harmonic(mesh, nodes, columns[nodes], columns)
-            carried, cut_off = solved.reshape(carried.shape), cut_off + clipped
+            carried = harmonic(mesh, nodes, columns[nodes], columns).reshape(carried.shape)
         fields[name] = carried
     return replace(mesh, point_data={**mesh.point_data, **fields}), TransferReport(
         fields={name: "label" if is_label(values) else "interpolated" for name, values in fields.items()},
         max_distance_mm=float(np.concatenate(distances).max()),
         nodes_further_than_1mm=far,
         interior=settings.interior,
-        nodes_cut_off=cut_off,
     )
 
 
