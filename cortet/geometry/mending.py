@@ -10,11 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from cortet.geometry.topology import TRI_EDGES, compact, component_labels, face_areas, fans, numbers, packed
+from cortet.geometry.topology import TRI_EDGES, compact, component_labels, face_areas, fans, linked, numbers, packed
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: where a triangle comes from: the file, the cap of a hole of the file, or the replacement of removed triangles
@@ -103,8 +101,7 @@ def collapsed(work: Triangles, tolerance: float) -> tuple[Triangles, IntArray]:
 def _joined(work: Triangles, pairs: IntArray) -> tuple[Triangles, IntArray]:
     """The triangles after each vertex became the first of those that pairs (k, 2) join it to; and those now gone."""
     count = len(work.points)
-    graph = coo_matrix((np.ones(len(pairs), np.int8), pairs.T), shape=(count, count))
-    label = connected_components(graph, directed=False)[1]
+    label = linked(pairs[:, 0], pairs[:, 1], count)
     stands_for = np.unique(label, return_index=True)[1].astype(np.int32)[label]
     return work._replace(faces=stands_for[work.faces]), np.flatnonzero(stands_for != np.arange(count)).astype(np.int32)
 

@@ -215,10 +215,15 @@ def components(simplices: IntArray) -> int:
 
 def component_labels(simplices: IntArray) -> IntArray:
     """Component of every vertex up to the largest used index: (n,) int32; each unused vertex is its own component."""
-    count = int(simplices.max(initial=-1)) + 1
     first, last = np.repeat(simplices[:, 0], simplices.shape[1] - 1), simplices[:, 1:].ravel()
-    graph = coo_matrix((np.ones(len(first), np.int8), (first, last)), shape=(count, count))
-    return connected_components(graph, directed=False)[1]
+    return linked(first, last, int(simplices.max(initial=-1)) + 1)
+
+
+def linked(first: NDArray[np.integer], second: NDArray[np.integer], count: int) -> IntArray:
+    """Group of each of `count` things, (count,), that links from `first` (k,) to `second` (k,) join."""
+    graph = coo_matrix((np.ones(len(first), np.int8), (first, second)), shape=(count, count))
+    label: IntArray = connected_components(graph, directed=False)[1]
+    return label
 
 
 def surface_topology(faces: IntArray) -> SurfaceTopology:
@@ -264,7 +269,7 @@ def sides_of(faces: IntArray) -> Sides:
     return Sides(counts, first, second, directed[first, 0] == directed[second, 0])
 
 
-def fans(faces: IntArray, sides: Sides | None = None) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def fans(faces: IntArray, sides: Sides | None = None) -> tuple[IntArray, NDArray[np.int64]]:
     """The fan that each corner of each face belongs to, (3 m,), corner i of face f at 3 f + i; the vertex of each fan.
 
     The two faces of an edge link their corners at both of its ends. The fans of a vertex are the connected components
@@ -272,13 +277,8 @@ def fans(faces: IntArray, sides: Sides | None = None) -> tuple[NDArray[np.int64]
     """
     first, second, same = (sides or sides_of(faces))[1:]
     after_first, after_second = (side // 3 * 3 + (side % 3 + 1) % 3 for side in (first, second))
-    links = (
-        np.concatenate([first, after_first]),
-        np.concatenate([np.where(same, second, after_second), np.where(same, after_second, second)]),
-    )
-    corners = 3 * len(faces)
-    graph = coo_matrix((np.ones(len(links[0]), np.int8), links), shape=(corners, corners))
-    fan = connected_components(graph, directed=False)[1]
+    others = np.concatenate([np.where(same, second, after_second), np.where(same, after_second, second)])
+    fan = linked(np.concatenate([first, after_first]), others, 3 * len(faces))
     vertex = np.zeros(fan.max(initial=-1) + 1, np.int64)
     vertex[fan] = faces.ravel()
     return fan, vertex
@@ -292,9 +292,13 @@ def cut_components(mesh: TetMesh, faces: IntArray) -> IntArray:
     key = packed(np.concatenate([faces, near]))
     cut = np.isin(key[len(faces) :], key[: len(faces)]).reshape(-1, 4)
     behind[cell] = np.where(cut, -1, behind[cell])
+    return bodies(behind)
+
+
+def bodies(behind: IntArray) -> IntArray:
+    """Connected body of each tetrahedron, (m,), by the tetrahedron behind each of its faces, (m, 4), -1 for none."""
     start, _ = np.nonzero(behind >= 0)
-    graph = coo_matrix((np.ones(len(start), np.int8), (start, behind[behind >= 0])), shape=(len(cells),) * 2)
-    return connected_components(graph, directed=False)[1]
+    return linked(start, behind[behind >= 0], len(behind))
 
 
 def compact(points: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray, IntArray]:
