@@ -15,7 +15,7 @@ import numpy as np
 
 from cortet.config.stages import Repair
 from cortet.errors import InputError
-from cortet.geometry.mending import measurable
+from cortet.geometry.mending import CAP, measurable
 from cortet.geometry.topology import enclosed_volume, face_areas
 from cortet.measure.fidelity import Distances, summary
 from cortet.measure.lost import distances_to
@@ -49,6 +49,8 @@ class RepairReport:
     displacement_max_mm: float
     area_before_mm2: float
     area_mm2: float
+    #: area of caps on holes of the file
+    filled_area_mm2: float
     #: volume of the file with its holes filled
     volume_before_ml: float
     volume_ml: float
@@ -96,7 +98,8 @@ def _report(given: TriSurface, made: TriSurface, source: Any, work: BrokenSurfac
         away = distances_to(made, file)
         from_file = summary(np.r_[away[np.unique(file.faces)], away[len(file.points) :]])
         to_file = summary(distances_to(file, made))
-    before, area = (float(face_areas(one.points, one.faces).sum()) for one in (file, made))
+    before, areas = float(face_areas(file.points, file.faces).sum()), face_areas(made.points, made.faces)
+    area = float(areas.sum())
     volume = enclosed_volume(made.points, made.faces)
     volume_before = volume if work is None else work.volume_before
     return RepairReport(
@@ -112,6 +115,7 @@ def _report(given: TriSurface, made: TriSurface, source: Any, work: BrokenSurfac
         displacement_max_mm=0.0 if work is None else work.displacement,
         area_before_mm2=before,
         area_mm2=area,
+        filled_area_mm2=0.0 if work is None else float(areas[work.work.made == CAP].sum()),
         volume_before_ml=volume_before / 1000,
         volume_ml=volume / 1000,
         relative_area_change=area / before - 1,

@@ -148,7 +148,8 @@ def test_fields_follow_and_caps_are_labelled():
     assert np.array_equal(made.point_data["height"][~cap], made.points[~cap, 2])
     assert made.point_data["height"][cap] == pytest.approx(17, abs=1.5)  # of the nearest point of the rim
     assert set(made.point_data["parcel"]) == {0, 1}
-    assert FILLED not in repaired(breakages.unknown(ball()))[0].point_data, "a cut that the repair made itself"
+    made, report = repaired(breakages.unknown(ball()))
+    assert FILLED not in made.point_data and report.filled_area_mm2 == 0, "a cut that the repair made itself"
 
 
 def shells() -> TriSurface:
