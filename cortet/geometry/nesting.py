@@ -15,7 +15,7 @@ import numpy as np
 from cortet.errors import InputError
 from cortet.geometry.closest_point import ClosestPoints, SurfaceTree, closest_points, tree_of
 from cortet.geometry.remembering import once_per_object
-from cortet.geometry.topology import enclosed_volume, face_normals, sides_of, unit_vectors, vertex_normals
+from cortet.geometry.topology import enclosed_volume, face_normals, sides_of, summed, unit_vectors, vertex_normals
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: a point with a barycentric weight below this lies on the opposite edge
@@ -158,8 +158,7 @@ def _angle_weighted(surface: TriSurface, normal: FloatArray) -> FloatArray:
     cosine = np.einsum("mcj,mcj->mc", ahead, back) / np.maximum(length, np.finfo(float).tiny)
     angle = np.arccos(np.clip(cosine, -1, 1))
     weighted = (angle[:, :, None] * normal[:, None]).reshape(-1, 3)
-    vertex, count = surface.faces.ravel(), len(surface.points)
-    return np.stack([np.bincount(vertex, weighted[:, axis], minlength=count) for axis in range(3)], axis=1)
+    return summed(surface.faces.ravel(), weighted, len(surface.points))
 
 
 def _contains(outer: TriSurface, inner: TriSurface) -> bool:

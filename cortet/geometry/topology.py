@@ -323,11 +323,12 @@ def face_areas(points: FloatArray, faces: IntArray) -> FloatArray:
 
 def vertex_normals(points: FloatArray, faces: IntArray) -> FloatArray:
     """Area-weighted unit normals: (n, 3); zero for an unused vertex."""
-    normals = face_normals(points, faces)
-    total = np.stack(
-        [np.bincount(faces.ravel(), np.repeat(normals[:, i], 3), minlength=len(points)) for i in range(3)], axis=1
-    )
-    return unit_vectors(total)
+    return unit_vectors(summed(faces.ravel(), np.repeat(face_normals(points, faces), 3, axis=0), len(points)))
+
+
+def summed(numbers: NDArray[np.integer], vectors: FloatArray, count: int) -> FloatArray:
+    """Sum of the vectors (k, 3) of each of `count` numbers (k,): (count, 3)."""
+    return np.stack([np.bincount(numbers, vectors[:, i], minlength=count) for i in range(3)], axis=1)
 
 
 def unit_vectors(vectors: NDArray[Any]) -> FloatArray:
@@ -359,9 +360,12 @@ def mean_edge(points: FloatArray, faces: IntArray) -> float:
 
 def neighbour_means(points: FloatArray, faces: IntArray) -> FloatArray:
     """Mean position of the edge neighbours of each vertex: (n, 3) mm; NaN for an unused vertex."""
-    start, end = edges(faces).T
-    one_way, other_way = np.r_[start, end], np.r_[end, start]
-    degree = np.bincount(one_way, minlength=len(points))
-    total = np.stack([np.bincount(one_way, points[other_way, i], minlength=len(points)) for i in range(3)], axis=1)
+    return linked_means(points, edges(faces))
+
+
+def linked_means(vectors: FloatArray, links: IntArray) -> FloatArray:
+    """Mean of the vectors (n, 3) of those that links (k, 2) join to each; NaN for one without links."""
+    here, there = np.concatenate([links, links[:, ::-1]]).T
+    degree = np.bincount(here, minlength=len(vectors))
     with np.errstate(invalid="ignore"):
-        return total / degree[:, None]
+        return summed(here, vectors[there], len(vectors)) / degree[:, None]
