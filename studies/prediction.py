@@ -163,7 +163,7 @@ def core_growth(series: Series, mesh: TetMesh, age: float) -> FloatArray:
     way = at_triangles(series.at(age).points - series.first.points, series.first.faces[found.faces], found.barycentric)
     start = np.zeros_like(mesh.points)
     start[outer] = way
-    moved, _ = harmonic(mesh, outer, way, start)
+    moved = harmonic(mesh, outer, way, start)
     before, after = (signed_volumes(points, mesh.cells) for points in (mesh.points, mesh.points + moved))
     stretch = np.log(np.clip(after / before, *_PLAUSIBLE)) / 3
     total, weight = (

@@ -24,9 +24,7 @@ from cortet.formats.placement import UNITS
 #: meshers of the line, and those of other projects
 MesherName = Literal["cgal", "lattice", "tetgen", "ftetwild", "gmsh", "netgen"]
 Interior = Literal["nearest", "harmonic"]
-RepairMethod = Literal["local", "voxel"]
 SmoothingMethod = Literal["taubin", "published"]
-BoundarySmoothing = Literal["laplacian", "workbench"]
 
 
 class Resample(Section):
@@ -67,11 +65,6 @@ class Repair(Section):
     """Longest loop, mm, along which repair cuts a handle or closes a tunnel."""
     max_piece: Threshold = 0.01
     """A separate piece is dropped if it has at most this fraction of the area. Two larger pieces are an error."""
-    method: RepairMethod = "local"
-    """local repairs the faults and leaves the rest unchanged. voxel, a last resort, rebuilds a broken surface on a grid
-    as a sphere; of the limits above, only the change of volume applies to it."""
-    spacing: Positive = 0.3
-    """Grid spacing of the method voxel, mm. Thinner parts of the surface are lost."""
 
 
 class Gate(Section):
@@ -267,18 +260,13 @@ class SmoothBoundary(Section):
 
     enabled: bool = False
     """true runs the stage."""
-    method: BoundarySmoothing = "laplacian"
-    """laplacian: PyMeshLab's surface-preserving filter. workbench: wb_command -surface-smoothing, if installed."""
     iterations: PositiveInt = 3
-    """Number of iterations. It is halved, up to four times, if an element inverts."""
+    """Number of iterations of PyMeshLab's surface-preserving filter. It is halved, up to four times, if an element
+    inverts."""
     onto_surface: bool = True
     """true projects the boundary back onto the surface after each iteration. false lets it leave the surface."""
     thresholds: list[Threshold] = [0.7, 0.5]
     """Thresholds of the cleaning that follows, as in clean. A pass at 0.3 does not converge here (paper)."""
-
-    def programs(self) -> dict[str, str]:
-        """Connectome Workbench, where it is the method."""
-        return {"wb_command": "smooth_boundary.method: laplacian"} if self.method == "workbench" else {}
 
     def excludes_inner_surfaces(self) -> str:
         """Interfaces that left their surfaces would meet."""

@@ -39,7 +39,7 @@ def without_ripples(mesh: TetMesh, length: float, fixed: NDArray[np.bool_] | Non
     way = np.zeros_like(mesh.points)
     way[nodes] = _low_passed(surface, length, np.zeros(len(nodes), bool) if fixed is None else fixed[nodes])
     if len(nodes) < len(mesh.points):
-        way, _ = harmonic(mesh, nodes.astype(np.int32), way[nodes], way)
+        way = harmonic(mesh, nodes.astype(np.int32), way[nodes], way)
     before, part = signed_volumes(mesh.points, mesh.cells), np.ones((len(mesh.points), 1))
     while len(flat := np.flatnonzero(signed_volumes(mesh.points + part * way, mesh.cells) < _LEAST * before)):
         part[np.unique(mesh.cells[flat])] /= 2

@@ -2,9 +2,9 @@
 
 The banks of a slit one element deep can almost touch although all nodes lie on the surface and the topology is right.
 So this module measures the gap in front of each boundary face: the diameter of the largest ball outside that touches
-the boundary at the centre of the face (the shrinking ball of Ma, Bae and Choi, The Visual Computer 28, 2012). It
-compares a narrow gap with the gap of the surface at the nearest point. A node or an edge may nearly touch the other
-bank although no such ball is small, so the distance of faces that face each other counts as well, where it is small.
+the boundary at the centre of the face. It compares a narrow gap with the gap of the surface at the nearest point. A
+node or an edge may nearly touch the other bank although no such ball is small, so the distance of faces that face each
+other counts as well, where it is small.
 """
 
 from __future__ import annotations
@@ -15,11 +15,10 @@ import numpy as np
 
 from cortet.geometry.closest_point import closer_than, closest_points, tree_of
 from cortet.geometry.facing import facing
-from cortet.geometry.topology import edges, face_normals, unit_vectors
+from cortet.geometry.thickness import gaps
+from cortet.geometry.topology import face_normals, mean_edge, unit_vectors
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
-#: most rounds in which balls shrink; they stop changing after a few
-_ROUNDS = 20
 #: distances of faces that face each other count up to this share of the mean edge; balls measure wider gaps
 _CLOSE = 0.25
 #: a ball reaches into the body if its radius exceeds the distance to the nearest point by this share
@@ -42,10 +41,10 @@ class Banks:
 
 def banks(boundary: TriSurface, surface: TriSurface) -> Banks:
     """Compare the gaps in front of the faces of a boundary with the gaps of its surface at the nearest points."""
-    widest = _mean_edge(boundary)
+    widest = mean_edge(boundary.points, boundary.faces)
     centres, normals = _fronts(boundary)
     _, distances, middles, given_there = _near(boundary, surface, _CLOSE * widest, widest)
-    own = gaps(boundary, centres, normals, widest)
+    own = gaps(tree_of(boundary), centres, normals, widest)
     narrow = np.flatnonzero(own < widest)
     own = np.r_[own[narrow], distances]
     if not len(own):
@@ -67,12 +66,12 @@ def banks(boundary: TriSurface, surface: TriSurface) -> Banks:
 
 def slits(boundary: TriSurface, surface: TriSurface, least_share: float) -> IntArray:
     """Faces of a boundary with a gap in front of them below a share of that of its surface: (k,) int32, ascending."""
-    widest = _mean_edge(boundary)
+    widest = mean_edge(boundary.points, boundary.faces)
     centres, normals = _fronts(boundary)
     radius = least_share * widest / 2  # of a ball that fits in front of every face that is not a slit
     touched = closer_than(tree_of(boundary), centres + radius * normals, (1 - _TOUCHES) * radius)
     close = np.flatnonzero(touched).astype(np.int32)
-    own = gaps(boundary, centres[close], normals[close], widest)
+    own = gaps(tree_of(boundary), centres[close], normals[close], widest)
     close = close[own < least_share * _given(surface, centres[close], widest)]
     near, distances, _, given = _near(boundary, surface, least_share * widest, widest)
     return np.union1d(close, near[distances < least_share * given]).astype(np.int32)
@@ -93,11 +92,6 @@ def _near(
     return near, found.distances[near], middles, np.min([_given(surface, at, widest) for at in places], axis=0)
 
 
-def _mean_edge(surface: TriSurface) -> float:
-    start, end = surface.points[edges(surface.faces)].transpose(1, 0, 2)
-    return float(np.linalg.norm(start - end, axis=1).mean())
-
-
 def _fronts(surface: TriSurface) -> tuple[FloatArray, FloatArray]:
     """Centres (m, 3) of the faces, mm, and their outward unit normals (m, 3)."""
     return surface.points[surface.faces].mean(axis=1), unit_vectors(face_normals(surface.points, surface.faces))
@@ -107,31 +101,4 @@ def _given(surface: TriSurface, places: FloatArray, widest: float) -> FloatArray
     """Gaps of the surface at the points of it that are nearest to places (k, 3) mm, at most `widest`: (k,) mm."""
     found = closest_points(tree_of(surface), places)
     normals = unit_vectors(face_normals(surface.points, surface.faces))[found.faces]
-    return np.maximum(gaps(surface, found.points, normals, widest), np.finfo(float).tiny)
-
-
-def gaps(surface: TriSurface, places: FloatArray, normals: FloatArray, widest: float) -> FloatArray:
-    """Diameters of the largest balls outside a surface that touch it at given points: (k,) mm.
-
-    Parameters
-    ----------
-    places : (k, 3) mm, on the surface
-    normals : (k, 3), unit, outward at these points
-    widest : mm, largest diameter to try
-    """
-    tree = tree_of(surface)
-    radius = np.full(len(places), widest / 2)
-    active = np.arange(len(places))
-    for _ in range(_ROUNDS):
-        centres = places[active] + radius[active, None] * normals[active]
-        found = closest_points(tree, centres)
-        reaches = found.distances < (1 - _TOUCHES) * radius[active]
-        active, near = active[reaches], found.points[reaches]
-        if not len(active):
-            break
-        # the ball through the given point and the nearest one; its centre lies on the normal
-        across = near - places[active]
-        ahead = np.einsum("kc,kc->k", across, normals[active])
-        smaller = np.einsum("kc,kc->k", across, across) / np.maximum(2 * ahead, np.finfo(float).tiny)
-        radius[active] = np.minimum(radius[active], smaller)
-    return 2 * radius
+    return np.maximum(gaps(tree_of(surface), found.points, normals, widest), np.finfo(float).tiny)

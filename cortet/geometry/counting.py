@@ -1,27 +1,9 @@
-"""Cells around each vertex and neighbours of each tetrahedron, by counting instead of sorting: O(cells)."""
+"""Neighbours of each tetrahedron, by counting instead of sorting, and faces that fit no body: O(cells)."""
 
 from __future__ import annotations
 
 import numba
 import numpy as np
-
-
-@numba.njit(cache=True, error_model="numpy")
-def cells_around(cells, vertex_count):  # type: ignore[no-untyped-def]
-    """The arrays of `topology.Incidence` for cells (m, k): offsets (n + 1,), cells and corners (total,)."""
-    offsets = np.zeros(vertex_count + 1, np.int64)
-    for cell in range(len(cells)):
-        for corner in range(cells.shape[1]):
-            offsets[cells[cell, corner] + 1] += 1
-    offsets = np.cumsum(offsets)
-    free = offsets[:-1].copy()
-    around, corners = np.empty(cells.size, np.int32), np.empty(cells.size, np.int8)
-    for cell in range(len(cells)):
-        for corner in range(cells.shape[1]):
-            at = free[cells[cell, corner]]
-            around[at], corners[at] = cell, corner
-            free[cells[cell, corner]] += 1
-    return offsets, around, corners
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -104,34 +86,6 @@ def _fault(points, cells, faces, behind, e, k):  # type: ignore[no-untyped-def]
             if same_turn == (_is_inverted(points, cells, e) == _is_inverted(points, cells, f)):
                 fault = 1
     return fault
-
-
-@numba.njit(cache=True, error_model="numpy")
-def repeated_rows(rows, vertex_count):  # type: ignore[no-untyped-def]
-    """Whether each row (ascending vertex numbers) equals an earlier one: (m,) bool.
-
-    Rows are sorted into one bucket per first vertex, so that only a few dozen are compared with each other.
-    """
-    m = len(rows)
-    offsets = np.zeros(vertex_count + 1, np.int64)
-    for i in range(m):
-        offsets[rows[i, 0] + 1] += 1
-    offsets = np.cumsum(offsets)
-    free = offsets[:-1].copy()
-    bucket = np.empty(m, np.int64)
-    repeated = np.zeros(m, np.bool_)
-    for i in range(m):
-        first = rows[i, 0]
-        for at in range(offsets[first], free[first]):
-            same = True
-            for k in range(1, rows.shape[1]):
-                same &= rows[i, k] == rows[bucket[at], k]
-            if same:
-                repeated[i] = True
-                break
-        bucket[free[first]] = i
-        free[first] += 1
-    return repeated
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")

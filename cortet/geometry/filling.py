@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError, place_mm
-from cortet.geometry.counting import repeated_rows, wrong_faces
-from cortet.geometry.defects import defective_vertices
+from cortet.geometry.counting import wrong_faces
+from cortet.geometry.mending import defective_vertices
 from cortet.geometry.remembering import once_per_object
 from cortet.geometry.topology import (
     TET_FACES,
@@ -148,7 +148,8 @@ def _doubled_nodes(cells: IntArray) -> NDArray[np.int64]:
 
 def _repeated(cells: IntArray) -> NDArray[np.int64]:
     """Tetrahedra whose four nodes are those of an earlier one."""
-    return np.flatnonzero(repeated_rows(np.sort(cells, axis=1), int(cells.max(initial=-1)) + 1))
+    first = np.unique(np.sort(cells, axis=1), axis=0, return_index=True)[1]
+    return np.setdiff1d(np.arange(len(cells)), first)
 
 
 def _inside_others(mesh: TetMesh, meant: IntArray | None = None) -> tuple[Flaw, ...]:

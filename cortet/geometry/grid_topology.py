@@ -1,13 +1,11 @@
-"""Sets of grid points with the topology of a ball, and the surfaces around them.
+"""Sets of grid points with the topology of a ball.
 
-Each cube of the grid is cut into six tetrahedra, all along the same diagonal (Freudenthal). A point may join a set of
-grid points if its neighbours inside the set are connected, and so are its neighbours outside. They then split the
-sphere of its 14 neighbours into two discs, and the set keeps its topology. On cubes, points inside and outside are
-joined in different ways; there the same holds of those neighbours that touch the point (Bertrand and Malandain, Pattern
-Recognition Letters 15, 1994). So a set that grows from one point by such points alone, the deepest first, stays a ball:
-handles are cut where they are thinnest. If the outside grows instead, tunnels are closed where they are narrowest, and
-cavities are filled. The idea is that of topology-preserving fast marching (Bazin and Pham, Medical Image Analysis 11,
-2007).
+The surface around the points is that of VTK's flying edges: points inside are joined along the edges of the grid,
+points outside along edges and across faces as well. A point may join a set if its neighbours inside the set that touch
+it are connected, and so are those outside (Bertrand and Malandain, Pattern Recognition Letters 15, 1994). The set then
+keeps its topology. So a set that grows from one point by such points alone, the deepest first, stays a ball: handles
+are cut where they are thinnest. If the outside grows instead, tunnels are closed where they are narrowest, and cavities
+are filled. The idea is that of topology-preserving fast marching (Bazin and Pham, Medical Image Analysis 11, 2007).
 
 Each handle should be mended in the way that changes fewer points. So cuts and fillings of few points are made first,
 and larger ones only where they are still needed (after Han et al., IEEE Transactions on Medical Imaging 21, 2002). Of
@@ -17,76 +15,48 @@ several pieces, the largest is kept.
 from __future__ import annotations
 
 import heapq
-from itertools import permutations, product
-from typing import NamedTuple
+from itertools import product
 
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label
+from scipy.ndimage import generate_binary_structure, label
 
-from cortet.meshes import FloatArray, IntArray
+from cortet.meshes import FloatArray
 
 #: most points of the cuts and fillings of each early round; of the larger, the kind that changes fewer points is made
 _SMALL = (4, 32, 256)
-#: distance to the surface, in spacings, given to a point that changes sides to correct the topology
-_CHANGED = 0.25
-#: least distance, as a share of an edge of the grid, of the surface's cut from the ends; so no triangle is flat
-_CLOSEST = 0.1
-
-#: corners of a cube, x fastest, and its tetrahedra
-_CORNERS = np.array([[i & 1, i >> 1 & 1, i >> 2] for i in range(8)])
-_TETS = np.array([[0, a, a | b, 7] for a, b, _ in permutations((1, 2, 4))])
+#: from a point to its 26 neighbours
+STEPS = np.array([step for step in product((-1, 0, 1), repeat=3) if any(step)])
+#: along how many axes two points may differ, inside and outside, and still be joined
+_INSIDE, _OUTSIDE = 1, 2
 
 
-class Grid(NamedTuple):
-    """Which of the k neighbours of a grid point are joined to each other, as bits: 1 << j for neighbour j."""
-
-    #: (k, 3), from the point to each
-    steps: NDArray[np.int64]
-    #: for points inside and for those outside: (k,), the neighbours that each is joined to; and those that touch the
-    #: point itself
-    joined: tuple[NDArray[np.int64], NDArray[np.int64]]
-    near: tuple[int, int]
+def _links(most: int) -> tuple[NDArray[np.int64], int]:
+    """Which neighbours each neighbour is joined to, (26,), and which the point itself, as bits: 1 << j for the j-th."""
+    apart = np.abs(STEPS[:, None] - STEPS)
+    joined = (apart.max(axis=2) == 1) & (apart.sum(axis=2) <= most)
+    bits = 1 << np.arange(len(STEPS))
+    return (joined * bits).sum(axis=1), int(bits[np.abs(STEPS).sum(axis=1) <= most].sum())
 
 
-def _grid(steps: NDArray[np.int64], inside: NDArray[np.int64], outside: NDArray[np.int64]) -> Grid:
-    """The grid in which points inside, and those outside, are joined by some of the steps."""
-    joined, near = [], []
-    for own in (inside.tolist(), outside.tolist()):
-        bits = [[(b - a).tolist() in own for b in steps] for a in steps]
-        joined.append(np.array([sum(1 << j for j, is_joined in enumerate(row) if is_joined) for row in bits], np.int64))
-        near.append(sum(1 << j for j, step in enumerate(steps.tolist()) if step in own))
-    return Grid(steps, (joined[0], joined[1]), (near[0], near[1]))
+#: for points inside, and for those outside
+LINKS = (_links(_INSIDE), _links(_OUTSIDE))
 
 
-_AROUND = np.array([step for step in product((-1, 0, 1), repeat=3) if any(step)])
-_DISTANCE = np.abs(_AROUND).sum(axis=1)
-#: cubes cut into the tetrahedra above, which `skin` contours
-TETRAHEDRA = _grid(*[np.concatenate([_CORNERS[1:], -_CORNERS[1:]])] * 3)
-#: cubes as VTK's flying edges split them: inside, points are joined along edges; outside, across faces as well
-CUBES = _grid(_AROUND, _AROUND[_DISTANCE == 1], _AROUND[_DISTANCE <= 2])
-#: edges of a tetrahedron that the surface cuts, in cyclic order, by the number of inside corners (numbered first)
-_CUT = {1: ((0, 1), (0, 2), (0, 3)), 2: ((0, 2), (0, 3), (1, 3), (1, 2)), 3: ((0, 3), (1, 3), (2, 3))}
-
-
-def as_ball(depth: FloatArray, spacing: float, grid: Grid = TETRAHEDRA) -> FloatArray:
-    """Depths after changes that make the inside a ball.
+def as_ball(depth: FloatArray) -> NDArray[np.bool_]:
+    """The points of positive depth, after changes that make them a ball.
 
     Parameters
     ----------
-    depth : (a, b, c), positive inside, never 0; outside on the border of the grid. Points of larger magnitude change
-        sides later
-    spacing : of the points, in the unit of the depths
-    grid : which points are joined
+    depth : (a, b, c), never 0; negative on the border of the grid. Points of larger magnitude change sides later
     """
-    joined, apart = _mask(grid, 0), _mask(grid, 1)
-    inside = _largest(depth > 0, joined)
-    steps = np.array([np.ravel_multi_index(tuple(1 + step), depth.shape) for step in grid.steps])
+    inside = _largest(depth > 0)
+    steps = np.array([np.ravel_multi_index(tuple(1 + step), depth.shape) for step in STEPS])
     steps -= np.ravel_multi_index((1, 1, 1), depth.shape)
     border = np.ones(depth.shape, np.bool_)
     border[1:-1, 1:-1, 1:-1] = False
-    own, other = zip(grid.joined, grid.near, strict=True)
+    own, other = LINKS
 
     def cut(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """The set without the points that close its handles."""
@@ -103,35 +73,25 @@ def as_ball(depth: FloatArray, spacing: float, grid: Grid = TETRAHEDRA) -> Float
 
     ball = cut(inside)
     for size in _SMALL:
-        inside = inside & ~_pieces(inside & ~ball, size, joined)
+        inside = inside & ~_pieces(inside & ~ball, size, _INSIDE)
         if np.array_equal(ball, inside):
-            break
-        inside = inside | _pieces(filled(inside) & ~inside, size, apart)
+            return ball
+        inside = inside | _pieces(filled(inside) & ~inside, size, _OUTSIDE)
         ball = cut(inside)
-    else:
-        ball = min(ball, filled(inside), key=lambda one: np.count_nonzero(one != inside))
-    return np.where(ball == (depth > 0), depth, np.where(ball, _CHANGED, -_CHANGED) * spacing)
+    return min(ball, filled(inside), key=lambda one: np.count_nonzero(one != inside))
 
 
-def _mask(grid: Grid, side: int) -> NDArray[np.bool_]:
-    """The neighbours that a point inside (0) or outside (1) is joined to: (3, 3, 3)."""
-    mask = np.zeros((3, 3, 3), np.bool_)
-    touching = [grid.near[side] >> k & 1 == 1 for k in range(len(grid.steps))]
-    mask[tuple((1 + grid.steps[touching]).T)] = True
-    return mask
-
-
-def _pieces(points: NDArray[np.bool_], size: int, joined: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The connected pieces of at most `size` points of a set."""
-    piece, _ = label(points, joined)
+def _pieces(points: NDArray[np.bool_], size: int, most: int) -> NDArray[np.bool_]:
+    """The connected pieces of at most `size` points of a set; `most` is that of `_links`."""
+    piece, _ = label(points, generate_binary_structure(3, most))
     few = np.bincount(piece.ravel()) <= size
     few[0] = False
     return np.asarray(few[piece])
 
 
-def _largest(inside: NDArray[np.bool_], joined: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _largest(inside: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """The largest connected piece."""
-    piece, count = label(inside, joined)
+    piece, count = label(inside)
     return piece == 1 + np.bincount(piece.ravel(), minlength=count + 1)[1:].argmax()
 
 
@@ -139,7 +99,7 @@ def _largest(inside: NDArray[np.bool_], joined: NDArray[np.bool_]) -> NDArray[np
 def _grown(start, value, border, steps, own, other):  # type: ignore[no-untyped-def]
     """A set grown from one point: points of positive value join, the highest first, if the topology stays.
 
-    `own` and `other` are a row of `Grid.joined` and an item of `Grid.near` each: of this set, and of what is left.
+    `own` and `other` are the `LINKS` of this set, and of what is left.
     """
     inside, queued = start.copy(), start.copy()
     heap = [(0.0, 0)]
@@ -198,37 +158,3 @@ def _joined_to(some, members, joined):  # type: ignore[no-untyped-def]
         if some >> k & 1:
             more |= joined[k] & members
     return more
-
-
-def skin(depth: FloatArray) -> tuple[FloatArray, IntArray]:
-    """The zero level of depths (a, b, c) that are linear in each tetrahedron: points, in spacings, and faces.
-
-    Faces are outward. Marching tetrahedra: Doi and Koide, IEICE Transactions E74, 1991.
-    """
-    inside = depth > 0
-    corner = np.lib.stride_tricks.sliding_window_view(inside, (2, 2, 2))
-    cubes = np.argwhere(corner.any(axis=(3, 4, 5)) & ~corner.all(axis=(3, 4, 5)))
-    numbers = np.ravel_multi_index(tuple((cubes[:, None] + _CORNERS).transpose(2, 0, 1)), depth.shape)
-    tets = numbers[:, _TETS].reshape(-1, 4)
-    held = inside.ravel()[tets]
-    cut: list[IntArray] = []
-    for count, edges_of_tet in _CUT.items():
-        chosen = held.sum(axis=1) == count
-        order = np.argsort(~held[chosen], axis=1, kind="stable")
-        ring = np.take_along_axis(tets[chosen], order, axis=1)[:, np.array(edges_of_tet)]
-        cut += [ring[:, [0, k, k + 1]] for k in range(1, len(edges_of_tet) - 1)]
-    ends = _outward(np.concatenate(cut), depth.shape)
-    edges, faces = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
-    a, b = depth.ravel()[edges].T
-    share = np.clip(a / (a - b), _CLOSEST, 1 - _CLOSEST)[:, None]
-    start, end = (np.stack(np.unravel_index(edges[:, k], depth.shape), axis=1) for k in (0, 1))
-    return start + share * (end - start), faces.reshape(-1, 3).astype(np.int32)
-
-
-def _outward(ends: IntArray, shape: tuple[int, ...]) -> IntArray:
-    """Turn triangles so that they face outside; edges of the grid (k, 3, 2), from inside to outside, give them."""
-    places = np.stack(np.unravel_index(ends, shape), axis=-1).astype(np.float64)
-    middle, out = places.mean(axis=2), (places[:, :, 1] - places[:, :, 0]).sum(axis=1)
-    normal = np.cross(middle[:, 1] - middle[:, 0], middle[:, 2] - middle[:, 0])
-    turned = np.einsum("ka,ka->k", normal, out) < 0
-    return np.where(turned[:, None, None], ends[:, ::-1], ends)

@@ -13,7 +13,7 @@ from cortet.errors import InputError, place_mm
 from cortet.geometry.holes import replaced, rim_length
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.mending import Triangles, as_surface, compacted, faces_at, within
-from cortet.geometry.topology import TRI_EDGES, enclosed_volume, packed, surface_topology
+from cortet.geometry.topology import TRI_EDGES, Sides, enclosed_volume, fans, sides_of, surface_topology
 from cortet.meshes import FloatArray, IntArray
 
 #: a handle ends where the rim of what is cut away is this many times the loop, at the latest after this many rings
@@ -146,11 +146,9 @@ class _Links:
     """Edges of a closed surface, and the faces that they join."""
 
     def __init__(self, points: FloatArray, faces: IntArray) -> None:
-        sides = faces[:, TRI_EDGES].reshape(-1, 2)
-        key = packed(sides)
-        order = np.argsort(key, kind="stable")
-        self.ends = np.sort(sides[order[0::2]], axis=1)
-        self.behind = np.stack([order[0::2] // 3, order[1::2] // 3], axis=1)
+        sides = sides_of(faces)
+        self.ends = np.sort(faces[:, TRI_EDGES].reshape(-1, 2)[sides.first], axis=1)
+        self.behind = np.stack([sides.first // 3, sides.second // 3], axis=1)
         self.lengths = np.linalg.norm(points[self.ends[:, 0]] - points[self.ends[:, 1]], axis=1)
         self.points, self.count, self.faces = points, len(points), len(faces)
         used = len(np.unique(faces))
@@ -211,35 +209,15 @@ def cut_open(faces: IntArray, loop: IntArray, count: int) -> tuple[IntArray, Int
     ----------
     loop : vertices of a closed path of edges, each once
     """
-    ahead = set(zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True))
-    on = np.zeros(count, np.bool_)
-    on[loop] = True
-    near = np.flatnonzero(on[faces].any(axis=1))
-    left, blocked = set(), ahead | {(b, a) for a, b in ahead}
-    across: dict[tuple[int, int], list[int]] = {}
-    for face in near.tolist():
-        corners = faces[face].tolist()
-        for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
-            across.setdefault((min(a, b), max(a, b)), []).append(face)
-            if (a, b) in ahead:
-                left.add(face)
-    waiting = sorted(left)
-    while waiting:  # along the left side, across edges that begin or end on the loop and do not run along it
-        face = waiting.pop()
-        corners = faces[face].tolist()
-        for a, b in zip(corners, corners[1:] + corners[:1], strict=True):
-            if (a, b) in blocked or not (on[a] or on[b]):
-                continue
-            for other in across[min(a, b), max(a, b)]:
-                if other not in left:
-                    left.add(other)
-                    waiting.append(other)
-    copy = np.arange(count, dtype=np.int32)
-    copy[loop] = count + np.arange(len(loop), dtype=np.int32)
-    result = faces.copy()
-    chosen = np.array(sorted(left))
-    result[chosen] = copy[faces[chosen]]
-    return result, copy[loop]
+    following, copy = np.full(count, -1, np.int32), np.arange(count, dtype=np.int32)
+    following[loop], copy[loop] = np.roll(loop, -1), count + np.arange(len(loop), dtype=np.int32)
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    along = following[start] == end  # of the sides whose faces are on the left of the loop
+    sides = sides_of(faces)
+    kept = ~(along[sides.first] | along[sides.second])
+    fan, _ = fans(faces, Sides(sides.counts, sides.first[kept], sides.second[kept], sides.same[kept]))
+    left = np.isin(fan, fan[along])  # the loop parts the fan of each of its vertices
+    return np.where(left, copy[start], start).reshape(-1, 3), copy[loop]
 
 
 def back_to_the_feet(points: FloatArray, faces: IntArray, sides: tuple[IntArray, IntArray]) -> IntArray:

@@ -17,7 +17,7 @@ import logging
 import os
 import stat
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -98,22 +98,14 @@ def source_key(module: Path) -> str:
 
 
 @cache
-def _imports(module: Path) -> tuple[Path, ...]:
+def _imports(module: Path) -> list[Path]:
     """Files of the modules of cortet that a module imports when it is loaded."""
-    body = ast.parse(module.read_text(encoding="utf-8")).body
-    return tuple(path for node in body for name in _names(node) if (path := _file(name)) is not None)
-
-
-def _names(node: ast.stmt) -> Iterator[str]:
-    if isinstance(node, ast.Import):
-        yield from (alias.name for alias in node.names)
-    elif isinstance(node, ast.ImportFrom) and node.module:
-        yield node.module
-        yield from (f"{node.module}.{alias.name}" for alias in node.names)
-
-
-def _file(name: str) -> Path | None:
-    """The file of a module of cortet; None for a package, a name in a module, or a module of another package."""
-    package, *parts = name.split(".")
-    path = _PACKAGE.joinpath(*parts).with_suffix(".py")
-    return path if package == "cortet" and parts and path.is_file() else None
+    names: list[str] = []
+    for node in ast.parse(module.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    ours = [name.split(".")[1:] for name in names if name.startswith("cortet.")]
+    paths = [_PACKAGE.joinpath(*parts).with_suffix(".py") for parts in ours]
+    return [path for path in paths if path.is_file()]  # the others are packages, and names in modules

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from cortet.geometry.grid_topology import CUBES, as_ball
+from cortet.geometry.grid_topology import as_ball
 from cortet.geometry.smoothing import taubin
 from cortet.geometry.topology import (
     compact,
@@ -110,7 +110,7 @@ def _surface(mask: NDArray[np.bool_], affine: FloatArray, handles: Handles) -> L
     found = left = int(surface_topology(faces).genus)
     changed = 0
     if handles.most is not None and found > handles.most:
-        ball = as_ball(soft, voxel, CUBES) > 0
+        ball = as_ball(soft)
         differing = int((ball != solid).sum())
         if differing <= handles.changed * solid.sum():
             changed_distance = _signed_distance(ball, widths)

@@ -10,11 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from cortet.geometry.topology import TRI_EDGES, compact, component_labels, face_areas, fans, numbers, packed
+from cortet.geometry.topology import TRI_EDGES, compact, component_labels, face_areas, fans, linked, numbers, packed
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: where a triangle comes from: the file, the cap of a hole of the file, or the replacement of removed triangles
@@ -90,32 +88,21 @@ def merged(work: Triangles, tolerance: float) -> tuple[Triangles, IntArray]:
     position stays; returns also the vertices that were merged into it.
     """
     rim = border_vertices(work.faces)
-    pairs = cKDTree(work.points[rim]).query_pairs(tolerance, output_type="ndarray")
-    if not len(pairs):
-        return work, np.zeros(0, np.int32)
-    graph = coo_matrix((np.ones(len(pairs), np.int8), pairs.T), shape=(len(rim), len(rim)))
-    label = connected_components(graph, directed=False)[1]
-    first = np.full(label.max() + 1, len(rim))
-    np.minimum.at(first, label, np.arange(len(rim)))
-    stands_for = np.arange(len(work.points), dtype=np.int32)
-    stands_for[rim] = rim[first[label]]
-    gone = np.flatnonzero(stands_for != np.arange(len(stands_for))).astype(np.int32)
-    return work._replace(faces=stands_for[work.faces]), gone
+    return _joined(work, rim[cKDTree(work.points[rim]).query_pairs(tolerance, output_type="ndarray")])
 
 
 def collapsed(work: Triangles, tolerance: float) -> tuple[Triangles, IntArray]:
     """The triangles after edges up to `tolerance` mm long are collapsed; returns also the vertices that are gone."""
     sides = work.faces[:, TRI_EDGES].reshape(-1, 2)
     short = np.linalg.norm(work.points[sides[:, 0]] - work.points[sides[:, 1]], axis=1) <= tolerance
-    pairs = sides[short & (sides[:, 0] != sides[:, 1])]
-    if not len(pairs):
-        return work, np.zeros(0, np.int32)
+    return _joined(work, sides[short & (sides[:, 0] != sides[:, 1])])
+
+
+def _joined(work: Triangles, pairs: IntArray) -> tuple[Triangles, IntArray]:
+    """The triangles after each vertex became the first of those that pairs (k, 2) join it to; and those now gone."""
     count = len(work.points)
-    graph = coo_matrix((np.ones(len(pairs), np.int8), pairs.T), shape=(count, count))
-    label = connected_components(graph, directed=False)[1]
-    first = np.full(label.max() + 1, count, np.int32)
-    np.minimum.at(first, label, np.arange(count, dtype=np.int32))
-    stands_for = first[label]
+    label = linked(pairs[:, 0], pairs[:, 1], count)
+    stands_for = np.unique(label, return_index=True)[1].astype(np.int32)[label]
     return work._replace(faces=stands_for[work.faces]), np.flatnonzero(stands_for != np.arange(count)).astype(np.int32)
 
 
@@ -161,9 +148,7 @@ def split_fans(work: Triangles) -> tuple[Triangles, IntArray]:
     Edges of exactly two faces hold a fan together, so this also separates surfaces that touch along an edge.
     """
     faces = work.faces
-    fan = fans(faces)
-    vertex = np.zeros(fan.max(initial=-1) + 1, np.int64)
-    vertex[fan] = faces.ravel()
+    fan, vertex = fans(faces)
     order = np.argsort(vertex, kind="stable")
     further = order[1:][vertex[order][1:] == vertex[order][:-1]]  # the first fan keeps the vertex
     if not len(further):
@@ -239,3 +224,18 @@ def within(work: Triangles, vertices: IntArray, count: int) -> IntArray:
 def as_surface(work: Triangles) -> TriSurface:
     """The triangles as a surface, without fields."""
     return TriSurface(work.points, work.faces)
+
+
+def defective_vertices(faces: IntArray) -> NDArray[np.int64]:
+    """Vertices of edges that are not in exactly two faces, and vertices with more than one fan of faces; ascending."""
+    several = np.bincount(fans(faces)[1]) > 1
+    return np.union1d(border_vertices(faces), np.flatnonzero(several))
+
+
+def flat_faces(points: FloatArray, faces: IntArray) -> IntArray:
+    """Faces whose area is zero within the rounding of coordinates to float32; (k,) int32, ascending."""
+    points = points.astype(np.float32).astype(np.float64)
+    corners = points[faces]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    flat = face_areas(points, faces) <= np.finfo(np.float32).eps * longest**2
+    return np.flatnonzero(flat).astype(np.int32)

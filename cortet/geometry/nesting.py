@@ -15,7 +15,7 @@ import numpy as np
 from cortet.errors import InputError
 from cortet.geometry.closest_point import ClosestPoints, SurfaceTree, closest_points, tree_of
 from cortet.geometry.remembering import once_per_object
-from cortet.geometry.topology import enclosed_volume, face_normals, packed, unit_vectors, vertex_normals
+from cortet.geometry.topology import enclosed_volume, face_normals, sides_of, summed, unit_vectors, vertex_normals
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
 #: a point with a barycentric weight below this lies on the opposite edge
@@ -145,11 +145,9 @@ def _pseudonormals(surface: TriSurface, found: ClosestPoints) -> FloatArray:
 
 def _across_edges(faces: IntArray) -> IntArray:
     """The face behind the edge opposite each corner of the faces of a closed manifold: (m, 3)."""
-    opposite = faces[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
-    order = np.argsort(packed(opposite), kind="stable")
-    behind = np.empty(len(order), np.int32)
-    behind[order[0::2]], behind[order[1::2]] = order[1::2] // 3, order[0::2] // 3
-    return behind.reshape(-1, 3)
+    sides, behind = sides_of(faces), np.empty(faces.size, np.int32)
+    behind[sides.first], behind[sides.second] = sides.second // 3, sides.first // 3
+    return behind.reshape(-1, 3)[:, [1, 2, 0]]
 
 
 def _angle_weighted(surface: TriSurface, normal: FloatArray) -> FloatArray:
@@ -160,8 +158,7 @@ def _angle_weighted(surface: TriSurface, normal: FloatArray) -> FloatArray:
     cosine = np.einsum("mcj,mcj->mc", ahead, back) / np.maximum(length, np.finfo(float).tiny)
     angle = np.arccos(np.clip(cosine, -1, 1))
     weighted = (angle[:, :, None] * normal[:, None]).reshape(-1, 3)
-    vertex, count = surface.faces.ravel(), len(surface.points)
-    return np.stack([np.bincount(vertex, weighted[:, axis], minlength=count) for axis in range(3)], axis=1)
+    return summed(surface.faces.ravel(), weighted, len(surface.points))
 
 
 def _contains(outer: TriSurface, inner: TriSurface) -> bool:

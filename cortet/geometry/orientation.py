@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
-from cortet.geometry.topology import TRI_EDGES, enclosed_volume, packed
+from cortet.geometry.topology import TRI_EDGES, enclosed_volume, linked, packed
 from cortet.meshes import FloatArray, IntArray
 
 
@@ -25,8 +23,7 @@ def outward(points: FloatArray, faces: IntArray) -> IntArray:
     agree = directed[first, 0] != directed[second, 0]
     first, second, count = first // 3, second // 3, len(faces)
     links = (np.r_[first, first + count], np.r_[np.where(agree, second, second + count), second + count * agree])
-    graph = coo_matrix((np.ones(len(links[0]), np.int8), links), shape=(2 * count, 2 * count))
-    label = connected_components(graph, directed=False)[1]
+    label = linked(*links, 2 * count)
     turned = label[:count] > label[count:]
     result = np.where(turned[:, None], faces[:, ::-1], faces)
     inside_out = enclosed_volume(points, result) < 0

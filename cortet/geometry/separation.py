@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cortet.geometry.closest_point import SurfaceTree
 from cortet.geometry.nesting import depths
 from cortet.geometry.thickness import thickness
-from cortet.geometry.topology import edges, neighbour_means, vertex_normals
+from cortet.geometry.topology import edges, linked_means, mean_edge, neighbour_means, vertex_normals
 from cortet.geometry.uncrossing import moved_apart
 from cortet.meshes import FloatArray, IntArray, TriSurface, single_precision
 
@@ -76,9 +76,7 @@ def _samples(surface: TriSurface, *, spacing: float) -> tuple[IntArray, FloatArr
     """
     number = np.arange(len(surface.points), dtype=np.int32)
     corners, weights = [np.column_stack([number] * 3)], [np.tile([1.0, 0, 0], (len(number), 1))]
-    start, end = edges(surface.faces).T
-    edge = float(np.linalg.norm(surface.points[start] - surface.points[end], axis=1).mean())
-    parts = int(np.ceil(edge / (2 * spacing)))
+    parts = int(np.ceil(mean_edge(surface.points, surface.faces) / (2 * spacing)))
     grid = [(i / parts, j / parts) for i in range(parts + 1) for j in range(parts + 1 - i)] if parts > 1 else []
     for u, v in [(1 / 3, 1 / 3), *grid]:
         if max(u, v, 1 - u - v) < 1:
@@ -133,13 +131,5 @@ def _smoothed(links: IntArray, steps: FloatArray) -> FloatArray:
     asked = (steps != 0).any(axis=1)
     smooth = steps
     for _ in range(_SMOOTHINGS):
-        smooth = (smooth + _neighbour_mean(links, smooth)) / 2
+        smooth = (smooth + linked_means(smooth, links)) / 2
     return np.where(asked[:, None], (1 - _SMOOTH) * steps + _SMOOTH * smooth, smooth)
-
-
-def _neighbour_mean(links: IntArray, values: FloatArray) -> FloatArray:
-    start, end = np.concatenate([links, links[:, ::-1]]).T
-    count = np.bincount(start, minlength=len(values))
-    total = np.stack([np.bincount(start, values[end, axis], minlength=len(values)) for axis in range(3)], axis=1)
-    mean: NDArray[np.float64] = total / np.maximum(count, 1)[:, None]
-    return mean

@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
-from cortet.geometry.counting import behind_faces, cells_around
+from cortet.geometry.counting import behind_faces
 from cortet.geometry.remembering import OncePerCells, once_per_object
 from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, TriSurface
 
@@ -195,7 +195,10 @@ def sheet(mesh: TetMesh, number: int) -> tuple[TriSurface, IntArray]:
 
 def incidence(cells: IntArray, vertex_count: int) -> Incidence:
     """Cells (triangles or tetrahedra) around every vertex."""
-    return Incidence(*cells_around(np.ascontiguousarray(cells, np.int32), vertex_count))
+    count, size = cells.shape
+    corners, starts = np.tile(np.arange(size, dtype=np.int8), count), np.arange(0, cells.size + 1, size)
+    around = csr_matrix((corners, cells.ravel(), starts), shape=(count, vertex_count)).tocsc()
+    return Incidence(around.indptr.astype(np.int64), around.indices.astype(np.int32), around.data)
 
 
 def edges(simplices: IntArray) -> IntArray:
@@ -212,10 +215,15 @@ def components(simplices: IntArray) -> int:
 
 def component_labels(simplices: IntArray) -> IntArray:
     """Component of every vertex up to the largest used index: (n,) int32; each unused vertex is its own component."""
-    count = int(simplices.max(initial=-1)) + 1
     first, last = np.repeat(simplices[:, 0], simplices.shape[1] - 1), simplices[:, 1:].ravel()
-    graph = coo_matrix((np.ones(len(first), np.int8), (first, last)), shape=(count, count))
-    return connected_components(graph, directed=False)[1]
+    return linked(first, last, int(simplices.max(initial=-1)) + 1)
+
+
+def linked(first: NDArray[np.integer], second: NDArray[np.integer], count: int) -> IntArray:
+    """Group of each of `count` things, (count,), that links from `first` (k,) to `second` (k,) join."""
+    graph = coo_matrix((np.ones(len(first), np.int8), (first, second)), shape=(count, count))
+    label: IntArray = connected_components(graph, directed=False)[1]
+    return label
 
 
 def surface_topology(faces: IntArray) -> SurfaceTopology:
@@ -225,11 +233,8 @@ def surface_topology(faces: IntArray) -> SurfaceTopology:
     ----------
     faces : (m, 3) int32
     """
-    sides = _sides(faces)
-    fan = fans(faces, sides)
-    fan_vertex = np.zeros(fan.max(initial=-1) + 1, np.int64)
-    fan_vertex[fan] = faces.ravel()
-    of_vertex = np.bincount(fan_vertex)
+    sides = sides_of(faces)
+    of_vertex = np.bincount(fans(faces, sides)[1])
     return SurfaceTopology(
         components=components(faces),
         euler_number=int(np.count_nonzero(of_vertex) - len(sides.counts) + len(faces)),
@@ -240,7 +245,7 @@ def surface_topology(faces: IntArray) -> SurfaceTopology:
     )
 
 
-class _Sides(NamedTuple):
+class Sides(NamedTuple):
     """The sides of faces and the edges they form; side 3 f + i runs from corner i of face f to corner i + 1."""
 
     #: (e,) faces at each edge
@@ -252,7 +257,8 @@ class _Sides(NamedTuple):
     same: NDArray[np.bool_]
 
 
-def _sides(faces: IntArray) -> _Sides:
+def sides_of(faces: IntArray) -> Sides:
+    """The sides of triangles (m, 3), by the edges they form, ordered by edge."""
     directed = faces[:, TRI_EDGES].reshape(-1, 2)
     order = np.argsort(packed(directed), kind="stable")
     ordered = directed[order]
@@ -260,24 +266,22 @@ def _sides(faces: IntArray) -> _Sides:
     counts = np.diff(np.r_[starts, len(order)])
     paired = starts[counts == 2]
     first, second = order[paired], order[paired + 1]
-    return _Sides(counts, first, second, directed[first, 0] == directed[second, 0])
+    return Sides(counts, first, second, directed[first, 0] == directed[second, 0])
 
 
-def fans(faces: IntArray, sides: _Sides | None = None) -> NDArray[np.int64]:
-    """The fan that each corner of each face belongs to: (3 m,), corner i of face f at 3 f + i.
+def fans(faces: IntArray, sides: Sides | None = None) -> tuple[IntArray, NDArray[np.int64]]:
+    """The fan that each corner of each face belongs to, (3 m,), corner i of face f at 3 f + i; the vertex of each fan.
 
     The two faces of an edge link their corners at both of its ends. The fans of a vertex are the connected components
     of its corners. Edges of one face, or of more than two, link none.
     """
-    first, second, same = (sides or _sides(faces))[1:]
+    first, second, same = (sides or sides_of(faces))[1:]
     after_first, after_second = (side // 3 * 3 + (side % 3 + 1) % 3 for side in (first, second))
-    links = (
-        np.concatenate([first, after_first]),
-        np.concatenate([np.where(same, second, after_second), np.where(same, after_second, second)]),
-    )
-    corners = 3 * len(faces)
-    graph = coo_matrix((np.ones(len(links[0]), np.int8), links), shape=(corners, corners))
-    return connected_components(graph, directed=False)[1]
+    others = np.concatenate([np.where(same, second, after_second), np.where(same, after_second, second)])
+    fan = linked(np.concatenate([first, after_first]), others, 3 * len(faces))
+    vertex = np.zeros(fan.max(initial=-1) + 1, np.int64)
+    vertex[fan] = faces.ravel()
+    return fan, vertex
 
 
 def cut_components(mesh: TetMesh, faces: IntArray) -> IntArray:
@@ -288,9 +292,13 @@ def cut_components(mesh: TetMesh, faces: IntArray) -> IntArray:
     key = packed(np.concatenate([faces, near]))
     cut = np.isin(key[len(faces) :], key[: len(faces)]).reshape(-1, 4)
     behind[cell] = np.where(cut, -1, behind[cell])
+    return bodies(behind)
+
+
+def bodies(behind: IntArray) -> IntArray:
+    """Connected body of each tetrahedron, (m,), by the tetrahedron behind each of its faces, (m, 4), -1 for none."""
     start, _ = np.nonzero(behind >= 0)
-    graph = coo_matrix((np.ones(len(start), np.int8), (start, behind[behind >= 0])), shape=(len(cells),) * 2)
-    return connected_components(graph, directed=False)[1]
+    return linked(start, behind[behind >= 0], len(behind))
 
 
 def compact(points: FloatArray, cells: IntArray) -> tuple[FloatArray, IntArray, IntArray]:
@@ -315,11 +323,12 @@ def face_areas(points: FloatArray, faces: IntArray) -> FloatArray:
 
 def vertex_normals(points: FloatArray, faces: IntArray) -> FloatArray:
     """Area-weighted unit normals: (n, 3); zero for an unused vertex."""
-    normals = face_normals(points, faces)
-    total = np.stack(
-        [np.bincount(faces.ravel(), np.repeat(normals[:, i], 3), minlength=len(points)) for i in range(3)], axis=1
-    )
-    return unit_vectors(total)
+    return unit_vectors(summed(faces.ravel(), np.repeat(face_normals(points, faces), 3, axis=0), len(points)))
+
+
+def summed(numbers: NDArray[np.integer], vectors: FloatArray, count: int) -> FloatArray:
+    """Sum of the vectors (k, 3) of each of `count` numbers (k,): (count, 3)."""
+    return np.stack([np.bincount(numbers, vectors[:, i], minlength=count) for i in range(3)], axis=1)
 
 
 def unit_vectors(vectors: NDArray[Any]) -> FloatArray:
@@ -343,11 +352,20 @@ def enclosed_centroid(points: FloatArray, faces: IntArray) -> FloatArray:
     return centroid
 
 
+def mean_edge(points: FloatArray, faces: IntArray) -> float:
+    """Mean length of the edges, mm."""
+    start, end = edges(faces).T
+    return float(np.linalg.norm(points[start] - points[end], axis=1).mean())
+
+
 def neighbour_means(points: FloatArray, faces: IntArray) -> FloatArray:
     """Mean position of the edge neighbours of each vertex: (n, 3) mm; NaN for an unused vertex."""
-    start, end = edges(faces).T
-    one_way, other_way = np.r_[start, end], np.r_[end, start]
-    degree = np.bincount(one_way, minlength=len(points))
-    total = np.stack([np.bincount(one_way, points[other_way, i], minlength=len(points)) for i in range(3)], axis=1)
+    return linked_means(points, edges(faces))
+
+
+def linked_means(vectors: FloatArray, links: IntArray) -> FloatArray:
+    """Mean of the vectors (n, 3) of those that links (k, 2) join to each; NaN for one without links."""
+    here, there = np.concatenate([links, links[:, ::-1]]).T
+    degree = np.bincount(here, minlength=len(vectors))
     with np.errstate(invalid="ignore"):
-        return total / degree[:, None]
+        return summed(here, vectors[there], len(vectors)) / degree[:, None]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import html
 import platform
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -22,10 +22,10 @@ from cortet.config.sections import Certify
 from cortet.errors import InputError, StageError, place_mm
 from cortet.formats.hashing import input_sha256, mesh_sha256
 from cortet.geometry.banks import Banks, banks
-from cortet.geometry.defects import defective_vertices
 from cortet.geometry.filling import flaws
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.limits import CELL_SIZE_MM, require_within
+from cortet.geometry.mending import defective_vertices
 from cortet.geometry.nesting import sheets
 from cortet.geometry.topology import (
     SurfaceTopology,
@@ -37,25 +37,19 @@ from cortet.geometry.topology import (
 )
 from cortet.measure.checks import (
     Check,
-    bank_check,
-    boundary_checks,
+    Number,
     checked,
-    interface_checks,
-    loss_checks,
-    meshing_checks,
-    native_checks,
-    region_checks,
-    relative_difference,
+    fidelity_numbers,
+    interface_numbers,
+    limits_in_mm,
+    native_numbers,
     remedies,
     smaller_cells,
-    times,
-    topology_checks,
-    with_cell_size,
+    topology_numbers,
 )
-from cortet.measure.fidelity import Fidelity, fidelity
+from cortet.measure.fidelity import Fidelity, Native, fidelity, native_record
 from cortet.measure.layers import LayerRecord, layer_records
 from cortet.measure.lost import LostPlace, lost_places
-from cortet.measure.native import Native, native_record
 from cortet.measure.quality import QualitySummary, quality, signed_volumes, summarise
 from cortet.measure.regions import (
     InterfaceRecord,
@@ -197,111 +191,40 @@ def certify(
     if surface.inner:
         require_known_regions(mesh, surface)
     reports = dict(reports or {})
-    found = flaws(mesh)
     if not len(boundary_faces(mesh)):
-        counted = "; ".join(flaw.sentence for flaw in found if flaw.count)
+        counted = "; ".join(flaw.sentence for flaw in flaws(mesh) if flaw.count)
         raise StageError(f"every face is in two tetrahedra or more, so the mesh has no boundary: {counted}")
     boundary, _ = boundary_surface(mesh)
-    topology = surface_topology(boundary.faces)
-    measured, faithful, gaps = summarise(mesh), fidelity(mesh, surface), banks(boundary, surface)
-    before = None if native is None else native_record(mesh, native)
-    repaired = _repaired(reports.get("repair", {}))
     walls = sheets_of(mesh) if surface.inner else boundary  # the boundary comes first
     crossing = self_intersections(walls)
-    regions = region_records(mesh, surface) if surface.inner else ()
-    interfaces = interface_records(mesh, surface) if surface.inner else ()
-    around = fans(mesh)
+    measured, faithful, around = summarise(mesh), fidelity(mesh, surface), fans(mesh)
     smaller = smaller_cells(None if measured.q.max < limits.q_max else cell_size)
-    worst = worst_elements(mesh, around, count=PLACES, limit=limits.q_max, stages=reports, smaller=smaller)
-    defects = boundary.points[defective_vertices(boundary.faces)[:PLACES]]
-    centres = walls.points[walls.faces[crossing[:PLACES]]].mean(axis=1)
-
-    volumes = signed_volumes(mesh.points, mesh.cells)
-    enclosed = enclosed_volume(boundary.points, boundary.faces)
-    largest, mean = (
-        times(fraction, cell_size) for fraction in (limits.max_surface_distance, limits.max_mean_surface_distance)
-    )
-    remedy = remedies(reports.get("generate", {}).get("mesher"))
-    checks = (
-        checked("worst_q", measured.q.max, "<", limits.q_max, remedy=worst[0].remedy),
-        checked("flat_or_inverted_tetrahedra", int((volumes <= 0).sum()), "==", 0),
-        checked(
-            "volume_balance",
-            relative_difference(float(volumes.sum()), enclosed),
-            "<=",
-            VOLUME_TOLERANCE,
-        ),
-        *(checked(flaw.id, flaw.count, "==", 0) for flaw in found),
-        checked("unused_nodes", len(mesh.points) - len(used_vertices(mesh.cells, len(mesh.points))), "==", 0),
-        *topology_checks(topology, surface_topology(surface.faces).euler_number, remedy=remedy.topology),
-        *meshing_checks(reports.get("generate"), remedy=remedy.topology),
-        checked("crossing_faces", len(crossing), "==", 0, remedy=remedy.topology),
-        bank_check(gaps, share=limits.min_bank_gap, remedy=remedy.loss),
-        *boundary_checks(
-            faithful,
-            nodes=limits.max_boundary_distance,
-            centres=times(limits.max_face_distance, cell_size),
-            remedy=remedy.loss,
-        ),
-        *loss_checks(
-            faithful,
-            largest=largest,
-            mean=mean,
-            area=limits.max_area_change,
-            volume=limits.max_volume_change,
-            remedy=remedy.loss,
-        ),
-        # `repair` has its own limits
-        *native_checks(
-            before,
-            largest=None if repaired else times(limits.max_native_distance, cell_size),
-            mean=None if repaired else times(limits.max_mean_native_distance, cell_size),
-            area=None if repaired else limits.max_native_area_change,
-        ),
-        *region_checks(regions, volume=limits.max_volume_change, remedy=remedy.loss),
-        *interface_checks(
-            interfaces,
-            nodes=limits.max_boundary_distance,
-            largest=largest,
-            mean=mean,
-            area=limits.max_area_change,
-            remedy=remedy.loss,
-        ),
-    )
-    checks = tuple(with_cell_size(check, cell_size) for check in checks)
-    lost: list[LostPlace] = []
-    if largest is not None and faithful.surface_to_boundary_mm.max > largest:
-        lost = lost_places(boundary, surface, limit=largest)
-    places = {
-        "worst_q": _worst_place(worst[0], int((quality(mesh.points, mesh.cells) >= limits.q_max).sum())),
-        **{flaw.id: _first(flaw.places) for flaw in found if flaw.count},
-        "crossing_faces": _first(centres),
-        **dict.fromkeys(("open_edges", "nonmanifold_edges", "pinched_vertices"), _first(defects)),
-        "bank_gap": f"the gap is {gaps.gap_mm:.3g} mm at {place_mm(gaps.place_mm)}, "
-        f"that of the surface {gaps.surface_gap_mm:.3g} mm",
-        "surface_distance": _lost(lost),
-        "meshing_topology": reports.get("generate", {}).get("reason", ""),
-    }
+    repaired = _repaired(reports.get("repair", {}))
+    regions = region_records(mesh, surface) if surface.inner else ()
     layered = layer_records(mesh, surface.inner, layers)
-    return Certificate(
+    in_mm = limits_in_mm(limits, cell_size, repaired=repaired)
+    lost: list[LostPlace] = []
+    if in_mm.max_surface_distance is not None and faithful.surface_to_boundary_mm.max > in_mm.max_surface_distance:
+        lost = lost_places(boundary, surface, limit=in_mm.max_surface_distance)
+    measurements = Certificate(
         schema=SCHEMA,
         case=case,
-        certified=all(check.passed for check in checks),
-        reasons=tuple(_reason(check, places.get(check.id, "")) for check in checks if not check.passed),
+        certified=False,
+        reasons=(),
         remarks=remarks(reports, parameters or {}, regions, cell_size, layered if layers else None),
-        checks=checks,
-        worst_elements=worst,
+        checks=(),
+        worst_elements=worst_elements(mesh, around, count=PLACES, limit=limits.q_max, stages=reports, smaller=smaller),
         valence_bound=valence_bound(around),
         lost_places=tuple(lost[:PLACES]),
-        defects_mm=tuple(map(tuple, defects.tolist())),
-        crossings_mm=tuple(map(tuple, centres.tolist())),
+        defects_mm=_in_tuples(boundary.points[defective_vertices(boundary.faces)[:PLACES]]),
+        crossings_mm=_in_tuples(walls.points[walls.faces[crossing[:PLACES]]].mean(axis=1)),
         quality=measured,
         fidelity=faithful,
-        banks=gaps,
-        native=before,
-        topology=topology,
+        banks=banks(boundary, surface),
+        native=None if native is None else native_record(mesh, native),
+        topology=surface_topology(boundary.faces),
         regions=regions,
-        interfaces=interfaces,
+        interfaces=interface_records(mesh, surface) if surface.inner else (),
         layers=layered,
         input={} if source is None else {"file": str(source), "sha256": input_sha256(source)},
         mesh_sha256=mesh_sha256(mesh),
@@ -310,6 +233,74 @@ def certify(
         reports=reports,
         versions=versions(reports),
     )
+    euler_number = surface_topology(surface.faces).euler_number
+    checks = tuple(
+        checked(number, cell_size) for number in _numbers(mesh, measurements, in_mm, euler_number, len(crossing))
+    )
+    places = _places(mesh, measurements, limits, lost)
+    return replace(
+        measurements,
+        certified=all(check.passed for check in checks),
+        reasons=tuple(
+            "; ".join(filter(None, (check.finding, places.get(check.id, ""), check.remedy)))
+            for check in checks
+            if not check.passed
+        ),
+        checks=checks,
+    )
+
+
+def _numbers(mesh: TetMesh, found: Certificate, limits: Certify, euler_number: int, crossing: int) -> Iterator[Number]:
+    """The numbers to check, in the order of the certificate.
+
+    Parameters
+    ----------
+    limits : `limits_in_mm`
+    euler_number : of the surface
+    crossing : number of crossing faces
+    """
+    volumes, boundary = signed_volumes(mesh.points, mesh.cells), boundary_surface(mesh)[0]
+    total, enclosed = float(volumes.sum()), enclosed_volume(boundary.points, boundary.faces)
+    largest = max(abs(total), abs(enclosed))
+    unused = len(mesh.points) - len(used_vertices(mesh.cells, len(mesh.points)))
+    meshing = found.reports.get("generate")
+    remedy = remedies((meshing or {}).get("mesher"))
+    yield Number("worst_q", found.quality.q.max, limits.q_max, found.worst_elements[0].remedy)
+    yield Number("flat_or_inverted_tetrahedra", int((volumes <= 0).sum()))
+    yield Number("volume_balance", abs(total - enclosed) / largest if largest else 0.0, VOLUME_TOLERANCE)
+    yield from (Number(flaw.id, flaw.count) for flaw in flaws(mesh))
+    yield Number("unused_nodes", unused)
+    yield from topology_numbers(found.topology, euler_number, remedy.topology)
+    if meshing is not None:  # a later stage can hide a topology problem of S1, but not undo it
+        yield Number("meshing_topology", int(not meshing["topology_ok"]), 0, remedy.topology)
+    yield Number("crossing_faces", crossing, 0, remedy.topology)
+    yield Number("bank_gap", found.banks.least_share, limits.min_bank_gap, remedy.loss)
+    yield from fidelity_numbers(found.fidelity, limits, remedy.loss)
+    if found.native is not None:
+        yield from native_numbers(found.native, limits)
+    for region in found.regions:
+        change = abs(region.relative_volume_change)
+        yield Number("region_tetrahedra", region.tetrahedra, 1, "", region.name)
+        yield Number("region_volume_change", change, limits.max_volume_change, remedy.loss, region.name)
+    for interface in found.interfaces:
+        yield from interface_numbers(interface, limits, remedy.loss)
+
+
+def _places(mesh: TetMesh, found: Certificate, limits: Certify, lost: Sequence[LostPlace]) -> dict[str, str]:
+    """Identifier of a check -> where and why it fails, in words."""
+    worst, gap = found.worst_elements[0], found.banks
+    bad = int((quality(mesh.points, mesh.cells) >= limits.q_max).sum())
+    return {
+        "worst_q": f"{bad} element{'s' if bad > 1 else ''} at fault, the worst at {place_mm(worst.centre_mm)}: "
+        f"{worst.reason}",
+        **{flaw.id: _first(flaw.places) for flaw in flaws(mesh) if flaw.count},
+        "crossing_faces": _first(found.crossings_mm),
+        **dict.fromkeys(("open_edges", "nonmanifold_edges", "pinched_vertices"), _first(found.defects_mm)),
+        "bank_gap": f"the gap is {gap.gap_mm:.3g} mm at {place_mm(gap.place_mm)}, "
+        f"that of the surface {gap.surface_gap_mm:.3g} mm",
+        "surface_distance": _lost(lost),
+        "meshing_topology": found.reports.get("generate", {}).get("reason", ""),
+    }
 
 
 def with_remarks(certificate: Certificate, more: Sequence[str]) -> Certificate:
@@ -355,14 +346,9 @@ def _lost(places: Sequence[LostPlace]) -> str:
     return f"{count}: {' and '.join(filter(None, parts))}, {worst}"
 
 
-def _reason(check: Check, place: str) -> str:
-    return "; ".join(part for part in (check.finding, place, check.remedy) if part)
+def _in_tuples(places: FloatArray) -> tuple[tuple[float, ...], ...]:
+    return tuple(map(tuple, places.tolist()))
 
 
-def _worst_place(worst: WorstElement, bad: int) -> str:
-    count = f"{bad} element{'s' if bad > 1 else ''} at fault, the worst"
-    return f"{count} at {place_mm(worst.centre_mm)}: {worst.reason}"
-
-
-def _first(places: FloatArray) -> str:
+def _first(places: FloatArray | Sequence[Sequence[float]]) -> str:
     return "the first around " + ", ".join(map(place_mm, places[:3]))

@@ -1,69 +1,72 @@
-"""The checks of a certificate: each number with its limit, in the order of the certificate."""
+"""The checks of a certificate: each number with its limit."""
 
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
-from cortet.geometry.banks import Banks
+from cortet.config.sections import Certify
 from cortet.geometry.filling import WORDS
 from cortet.geometry.topology import SurfaceTopology
-from cortet.measure.fidelity import Fidelity
-from cortet.measure.native import Native
-from cortet.measure.regions import InterfaceRecord, RegionRecord
+from cortet.measure.fidelity import Fidelity, Native
+from cortet.measure.regions import InterfaceRecord
 
 Comparison = Literal["<", "<=", "==", ">="]
-_COMPARE: dict[Comparison, Callable[[float, float], bool]] = {
-    "<": operator.lt,
-    "<=": operator.le,
-    "==": operator.eq,
-    ">=": operator.ge,
-}
-_WORDS: dict[Comparison, str] = {
-    "<": "must be below",
-    "<=": "must not exceed",
-    "==": "must be",
-    ">=": "must be at least",
+_COMPARE: dict[Comparison, tuple[Callable[[float, float], bool], str]] = {
+    "<": (operator.lt, "must be below"),
+    "<=": (operator.le, "must not exceed"),
+    "==": (operator.eq, "must be"),
+    ">=": (operator.ge, "must be at least"),
 }
 
-#: identifier of a check -> what it measures, in words; {about} is the name of a region
-NAMES = {
-    **WORDS,
-    "worst_q": "worst q",
-    "flat_or_inverted_tetrahedra": "tetrahedra without positive volume",
-    "volume_balance": "relative difference between the sum of volumes and the enclosed volume",
-    "unused_nodes": "unused nodes",
-    "boundary_components": "boundary components",
-    "boundary_euler_number": "boundary Euler number",
-    "open_edges": "boundary edges in one face only",
-    "misoriented_edges": "boundary edges between inconsistently oriented faces",
-    "meshing_topology": "topology problems after S1",
-    "crossing_faces": "intersecting boundary faces",
-    "bank_gap": "smallest gap between banks, relative to the gap of the surface",
-    "node_distance": "largest distance from a boundary node to the surface",
-    "face_centre_distance": "largest distance from the centre of a boundary face to the surface",
-    "surface_distance": "largest distance from the surface to the boundary",
-    "mean_surface_distance": "mean distance from the surface to the boundary",
-    "area_change": "relative change of the area",
-    "volume_change": "relative change of the volume",
-    "native_distance": "largest distance between the boundary and the native surface",
-    "mean_native_distance": "mean distance between the boundary and the native surface",
-    "native_area_change": "relative change of the area from the native surface",
-    "region_tetrahedra": "tetrahedra of region {about}",
-    "region_volume_change": "relative change of the volume of region {about}",
-    "interface_topology": "topology problems of the interface {about}",
-    "interface_misplaced_faces": "faces of the interface {about} that are not between {about} and {around}",
-    "interface_node_distance": "largest distance from a node of the interface {about} to its surface",
-    "interface_surface_distance": "largest distance from the surface {about} to the interface",
-    "interface_mean_surface_distance": "mean distance from the surface {about} to the interface",
-    "interface_area_change": "relative change of the area of the interface {about}",
+
+class Kind(NamedTuple):
+    """What a check measures, and how the number compares with its limit."""
+
+    #: in words; {about} is the name of a region
+    name: str
+    comparison: Comparison = "=="
+    #: empty for counts and ratios
+    unit: str = ""
+
+
+#: identifier -> the check
+KINDS = {
+    **{flaw: Kind(words) for flaw, words in WORDS.items()},
+    "worst_q": Kind("worst q", "<"),
+    "flat_or_inverted_tetrahedra": Kind("tetrahedra without positive volume"),
+    "volume_balance": Kind("relative difference between the sum of volumes and the enclosed volume", "<="),
+    "unused_nodes": Kind("unused nodes"),
+    "boundary_components": Kind("boundary components"),
+    "boundary_euler_number": Kind("boundary Euler number"),
+    "open_edges": Kind("boundary edges in one face only"),
+    "misoriented_edges": Kind("boundary edges between inconsistently oriented faces"),
+    "meshing_topology": Kind("topology problems after S1"),
+    "crossing_faces": Kind("intersecting boundary faces"),
+    "bank_gap": Kind("smallest gap between banks, relative to the gap of the surface", ">="),
+    "node_distance": Kind("largest distance from a boundary node to the surface", "<=", "mm"),
+    "face_centre_distance": Kind("largest distance from the centre of a boundary face to the surface", "<=", "mm"),
+    "surface_distance": Kind("largest distance from the surface to the boundary", "<=", "mm"),
+    "mean_surface_distance": Kind("mean distance from the surface to the boundary", "<=", "mm"),
+    "area_change": Kind("relative change of the area", "<="),
+    "volume_change": Kind("relative change of the volume", "<="),
+    "native_distance": Kind("largest distance between the boundary and the native surface", "<=", "mm"),
+    "mean_native_distance": Kind("mean distance between the boundary and the native surface", "<=", "mm"),
+    "native_area_change": Kind("relative change of the area from the native surface", "<="),
+    "region_tetrahedra": Kind("tetrahedra of region {about}", ">="),
+    "region_volume_change": Kind("relative change of the volume of region {about}", "<="),
+    "interface_topology": Kind("topology problems of the interface {about}"),
+    "interface_misplaced_faces": Kind("faces of the interface {about} that are not between {about} and {around}"),
+    "interface_node_distance": Kind("largest distance from a node of the interface {about} to its surface", "<=", "mm"),
+    "interface_surface_distance": Kind("largest distance from the surface {about} to the interface", "<=", "mm"),
+    "interface_mean_surface_distance": Kind("mean distance from the surface {about} to the interface", "<=", "mm"),
+    "interface_area_change": Kind("relative change of the area of the interface {about}", "<="),
 }
 
 #: in a remedy stands for the advice to use a smaller cell size, and the factor by which it is smaller
 SMALLER, _FINER = "{smaller}", 0.75
-_NATIVE_REMEDY = f"smooth the surface less (`smooth_surface`), or {SMALLER}"
 
 
 class Remedies(NamedTuple):
@@ -83,6 +86,11 @@ def remedies(mesher: str | None) -> Remedies:
         f"{SMALLER}, or the mesher `lattice`, whose edges follow the shape",
         f"add a smaller fraction to `generate.facet_distance`, or {SMALLER}",
     )
+
+
+def smaller_cells(cell_size: float | None) -> str:
+    """The advice to use smaller cells than those of a size, mm, if that is known."""
+    return "use a smaller cell size" + ("" if cell_size is None else f" ({_FINER * cell_size:.2g} mm)")
 
 
 def in_words(value: float, digits: int = 4) -> str:
@@ -105,7 +113,7 @@ def beside_limit(value: float, limit: float) -> tuple[str, str]:
 class Check:
     """One number and the limit that checks it."""
 
-    #: identifier, a key of `NAMES`; with a colon and the name of the region where the check is about one
+    #: identifier, a key of `KINDS`; with a colon and the name of the region where the check is about one
     id: str
     #: what it measures, in words
     name: str
@@ -126,150 +134,95 @@ class Check:
         if self.comparison is None or self.limit is None:
             return f"{self.name} {in_words(self.value)}{unit}, no limit"
         value, limit = beside_limit(self.value, self.limit)
-        return f"{self.name} {value}{unit}, {_WORDS[self.comparison]} {limit}{unit}"
+        return f"{self.name} {value}{unit}, {_COMPARE[self.comparison][1]} {limit}{unit}"
 
 
-def checked(
-    id: str,  # noqa: A002, the name of the field
-    value: float,
-    comparison: Comparison | None,
-    limit: float | None,
-    *,
-    unit: str = "",
-    remedy: str = "",
-    about: str = "",
-    around: str = "",
-) -> Check:
+class Number(NamedTuple):
+    """A number to check."""
+
+    #: a key of `KINDS`
+    id: str
+    value: float
+    limit: float | None = 0
+    #: `SMALLER` in it becomes the advice to use smaller cells
+    remedy: str = ""
+    #: the region that it is about, and the one around that
+    about: str = ""
+    around: str = ""
+
+
+def checked(number: Number, cell_size: float | None = None) -> Check:
     """The check of a number; without a limit it passes and states no comparison.
 
     Parameters
     ----------
-    id : a key of `NAMES`
-    about, around : the region that it is about, and the one around that
+    cell_size : mm; if the check failed, the remedy names the size to try next
     """
-    if limit is None:
-        comparison = None
-    passed = comparison is None or limit is None or _COMPARE[comparison](value, limit)
-    name = NAMES[id].format(about=about, around=around)
-    return Check(f"{id}:{about}" if about else id, name, value, unit, comparison, limit, passed, remedy)
+    kind, limit = KINDS[number.id], number.limit
+    passed = limit is None or _COMPARE[kind.comparison][0](number.value, limit)
+    return Check(
+        id=f"{number.id}:{number.about}" if number.about else number.id,
+        name=kind.name.format(about=number.about, around=number.around),
+        value=number.value,
+        unit=kind.unit,
+        comparison=None if limit is None else kind.comparison,
+        limit=limit,
+        passed=passed,
+        remedy=number.remedy.replace(SMALLER, smaller_cells(None if passed else cell_size)),
+    )
 
 
-def with_cell_size(check: Check, cell_size: float | None) -> Check:
-    """The check with its remedy in full: if it failed and the cell size is known, with the size in mm to try next."""
-    return replace(check, remedy=check.remedy.replace(SMALLER, smaller_cells(None if check.passed else cell_size)))
+def limits_in_mm(limits: Certify, cell_size: float | None, *, repaired: bool) -> Certify:
+    """The limits with fractions of the cell size in mm; None where the size is not known, or a limit does not apply."""
+
+    def scaled(fraction: float | None) -> float | None:
+        return None if fraction is None or cell_size is None else fraction * cell_size
+
+    native = ("max_native_distance", "max_mean_native_distance")
+    fractions = ("max_face_distance", "max_surface_distance", "max_mean_surface_distance", *native)
+    given = {name: scaled(getattr(limits, name)) for name in fractions}
+    if repaired:  # `repair` has its own limits
+        given |= dict.fromkeys((*native, "max_native_area_change"))
+    return limits.model_copy(update=given)
 
 
-def smaller_cells(cell_size: float | None) -> str:
-    """The advice to use smaller cells than those of a size, mm, if that is known."""
-    return "use a smaller cell size" + ("" if cell_size is None else f" ({_FINER * cell_size:.2g} mm)")
-
-
-def bank_check(found: Banks, *, share: float | None, remedy: str) -> Check:
-    """How near the banks of the boundary come to each other, measured outside the mesh."""
-    return checked("bank_gap", found.least_share, ">=", share, remedy=remedy)
-
-
-def native_checks(
-    found: Native | None, *, largest: float | None, mean: float | None, area: float | None
-) -> Iterator[Check]:
-    """How far the boundary is from the native surface; smoothing contributes most."""
-    if found is None:
-        return
-    there, back = found.boundary_to_native_mm, found.native_to_boundary_mm
-    for id, value, limit, unit in (  # noqa: A001
-        ("native_distance", max(there.max, back.max), largest, "mm"),
-        ("mean_native_distance", max(there.mean, back.mean), mean, "mm"),
-        ("native_area_change", abs(found.relative_area_change), area, ""),
-    ):
-        yield checked(id, value, "<=", limit, unit=unit, remedy=_NATIVE_REMEDY)
-
-
-def relative_difference(one: float, other: float) -> float:
-    """Difference of two volumes over the larger one; 0 if both are 0."""
-    largest = max(abs(one), abs(other))
-    return abs(one - other) / largest if largest else 0.0
-
-
-def times(fraction: float | None, length: float | None) -> float | None:
-    """A fraction of a length; None if either is None."""
-    return None if fraction is None or length is None else fraction * length
-
-
-def topology_checks(boundary: SurfaceTopology, euler_number: int, *, remedy: str) -> Iterator[Check]:
+def topology_numbers(boundary: SurfaceTopology, euler_number: int, remedy: str) -> Iterator[Number]:
     """Whether the boundary is one closed manifold with the Euler number of the surface."""
-    wanted = {
-        "boundary_components": (boundary.components, 1),
-        "boundary_euler_number": (boundary.euler_number, euler_number),
-        "open_edges": (boundary.open_edges, 0),
-        "nonmanifold_edges": (boundary.nonmanifold_edges, 0),
-        "misoriented_edges": (boundary.misoriented_edges, 0),
-        "pinched_vertices": (boundary.pinched_vertices, 0),
-    }
-    for id, (value, limit) in wanted.items():  # noqa: A001
-        yield checked(id, value, "==", limit, remedy=remedy)
+    yield Number("boundary_components", boundary.components, 1, remedy)
+    yield Number("boundary_euler_number", boundary.euler_number, euler_number, remedy)
+    for kind in ("open_edges", "nonmanifold_edges", "misoriented_edges", "pinched_vertices"):
+        yield Number(kind, getattr(boundary, kind), 0, remedy)
 
 
-def region_checks(regions: Sequence[RegionRecord], *, volume: float | None, remedy: str) -> Iterator[Check]:
-    """Whether each region has tetrahedra, and how much its volume changed."""
-    for one in regions:
-        yield checked("region_tetrahedra", one.tetrahedra, ">=", 1, about=one.name)
-        change = abs(one.relative_volume_change)
-        yield checked("region_volume_change", change, "<=", volume, remedy=remedy, about=one.name)
-
-
-def interface_checks(
-    interfaces: Sequence[InterfaceRecord],
-    *,
-    nodes: float | None,
-    largest: float | None,
-    mean: float | None,
-    area: float | None,
-    remedy: str,
-) -> Iterator[Check]:
-    """The checks of the boundary, applied to each interface; limits of distances in mm."""
-    for one in interfaces:
-        problems = one.topology.problems((2 - one.surface_euler_number) // 2)
-        mend = "; ".join([*problems, f"{SMALLER}, or a larger regions.min_gap"])
-        yield checked("interface_topology", len(problems), "==", 0, remedy=mend, about=one.name)
-        yield checked("interface_misplaced_faces", one.misplaced_faces, "==", 0, about=one.name, around=one.around)
-        for id, value, limit, unit in (  # noqa: A001
-            ("interface_node_distance", one.nodes_to_surface_mm.max, nodes, "mm"),
-            ("interface_surface_distance", one.surface_to_interface_mm.max, largest, "mm"),
-            ("interface_mean_surface_distance", one.surface_to_interface_mm.mean, mean, "mm"),
-            ("interface_area_change", abs(one.relative_area_change), area, ""),
-        ):
-            yield checked(id, value, "<=", limit, unit=unit, remedy=remedy, about=one.name)
-
-
-def meshing_checks(report: Mapping[str, Any] | None, *, remedy: str) -> Iterator[Check]:
-    """Whether S1 reported a topology problem: a later stage can hide one, but not undo it."""
-    if report is not None:
-        yield checked("meshing_topology", int(not report["topology_ok"]), "==", 0, remedy=remedy)
-
-
-def boundary_checks(found: Fidelity, *, nodes: float | None, centres: float | None, remedy: str) -> Iterator[Check]:
-    """How far the boundary is from the surface, mm."""
+def fidelity_numbers(found: Fidelity, limits: Certify, remedy: str) -> Iterator[Number]:
+    """How far the boundary is from the surface, and how much of the surface the mesh does not follow."""
     hold = "use `boundary: slide` in `clean` and `fixed` in `relocate`, or enable `snap`"
-    yield checked("node_distance", found.nodes_to_surface_mm.max, "<=", nodes, unit="mm", remedy=hold)
-    far = found.face_centres_to_surface_mm.max
-    yield checked("face_centre_distance", far, "<=", centres, unit="mm", remedy=remedy)
+    off, lost = found.face_centres_to_surface_mm.max, found.surface_to_boundary_mm
+    yield Number("node_distance", found.nodes_to_surface_mm.max, limits.max_boundary_distance, hold)
+    yield Number("face_centre_distance", off, limits.max_face_distance, remedy)
+    yield Number("surface_distance", lost.max, limits.max_surface_distance, remedy)
+    yield Number("mean_surface_distance", lost.mean, limits.max_mean_surface_distance, remedy)
+    yield Number("area_change", abs(found.relative_area_change), limits.max_area_change, remedy)
+    yield Number("volume_change", abs(found.relative_volume_change), limits.max_volume_change, remedy)
 
 
-def loss_checks(
-    found: Fidelity,
-    *,
-    largest: float | None,
-    mean: float | None,
-    area: float | None,
-    volume: float | None,
-    remedy: str,
-) -> Iterator[Check]:
-    """How much of the surface the mesh does not follow: distances in mm, relative changes."""
-    distance = found.surface_to_boundary_mm
-    for id, value, limit, unit in (  # noqa: A001
-        ("surface_distance", distance.max, largest, "mm"),
-        ("mean_surface_distance", distance.mean, mean, "mm"),
-        ("area_change", abs(found.relative_area_change), area, ""),
-        ("volume_change", abs(found.relative_volume_change), volume, ""),
-    ):
-        yield checked(id, value, "<=", limit, unit=unit, remedy=remedy)
+def native_numbers(found: Native, limits: Certify) -> Iterator[Number]:
+    """How far the boundary is from the native surface; smoothing contributes most."""
+    remedy = f"smooth the surface less (`smooth_surface`), or {SMALLER}"
+    there, back = found.boundary_to_native_mm, found.native_to_boundary_mm
+    yield Number("native_distance", max(there.max, back.max), limits.max_native_distance, remedy)
+    yield Number("mean_native_distance", max(there.mean, back.mean), limits.max_mean_native_distance, remedy)
+    yield Number("native_area_change", abs(found.relative_area_change), limits.max_native_area_change, remedy)
+
+
+def interface_numbers(one: InterfaceRecord, limits: Certify, remedy: str) -> Iterator[Number]:
+    """What is checked of the boundary, of an interface."""
+    problems = one.topology.problems((2 - one.surface_euler_number) // 2)
+    mend = "; ".join([*problems, f"{SMALLER}, or a larger regions.min_gap"])
+    off, lost, area = one.nodes_to_surface_mm.max, one.surface_to_interface_mm, abs(one.relative_area_change)
+    yield Number("interface_topology", len(problems), 0, mend, one.name)
+    yield Number("interface_misplaced_faces", one.misplaced_faces, 0, "", one.name, one.around)
+    yield Number("interface_node_distance", off, limits.max_boundary_distance, remedy, one.name)
+    yield Number("interface_surface_distance", lost.max, limits.max_surface_distance, remedy, one.name)
+    yield Number("interface_mean_surface_distance", lost.mean, limits.max_mean_surface_distance, remedy, one.name)
+    yield Number("interface_area_change", area, limits.max_area_change, remedy, one.name)

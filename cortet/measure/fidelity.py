@@ -1,4 +1,4 @@
-"""How faithful a mesh is to the surface it fills: distances, volume, area, roughness of its boundary."""
+"""How faithful a mesh is to the surface it fills, and to the native one: as read, before smoothing or repair."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from cortet.geometry.closest_point import closest_points, tree_of
+from cortet.geometry.mending import measurable
 from cortet.geometry.topology import (
     boundary_surface,
-    edges,
     enclosed_volume,
     face_areas,
+    mean_edge,
     neighbour_means,
     vertex_normals,
 )
-from cortet.measure.lost import distances_to
+from cortet.measure.lost import distances_to, surface_samples
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
 
 
@@ -76,6 +77,39 @@ def fidelity(mesh: TetMesh, surface: TriSurface) -> Fidelity:
     )
 
 
+@dataclass(frozen=True)
+class Native:
+    """The boundary of a mesh compared with its native surface."""
+
+    #: boundary nodes and centres of boundary faces to the nearest point of the native surface
+    boundary_to_native_mm: Distances
+    #: vertices of the native surface and centres of its faces to the nearest point of the boundary
+    native_to_boundary_mm: Distances
+    native_area_mm2: float
+    #: (boundary - native) / native
+    relative_area_change: float
+
+
+def native_record(mesh: TetMesh, native: TriSurface) -> Native | None:
+    """Compare the boundary of a mesh with the native surface; None if no triangle of it has finite coordinates.
+
+    Parameters
+    ----------
+    native : mm; it may be open, branch or cross itself; vertices without finite coordinates do not count
+    """
+    native = measurable(native)
+    area = float(face_areas(native.points, native.faces).sum())
+    if not area > 0:
+        return None
+    boundary, _ = boundary_surface(mesh)
+    return Native(
+        boundary_to_native_mm=summary(closest_points(tree_of(native), surface_samples(boundary)).distances),
+        native_to_boundary_mm=summary(distances_to(boundary, native)),
+        native_area_mm2=area,
+        relative_area_change=float(face_areas(boundary.points, boundary.faces).sum()) / area - 1,
+    )
+
+
 def summary(distances: FloatArray) -> Distances:
     """Mean, 95th percentile and maximum of (k,) distances in mm."""
     return Distances(float(distances.mean()), float(np.percentile(distances, 95)), float(distances.max()))
@@ -84,9 +118,7 @@ def summary(distances: FloatArray) -> Distances:
 def boundary_roughness(points: FloatArray, faces: IntArray) -> float:
     """RMS distance of the vertices from the mean of their edge neighbours, over the mean edge length; no unit."""
     offsets = np.linalg.norm(points - neighbour_means(points, faces), axis=1)
-    start, end = edges(faces).T
-    mean_edge = np.linalg.norm(points[start] - points[end], axis=1).mean()
-    return float(np.sqrt((offsets**2).mean()) / mean_edge)
+    return float(np.sqrt((offsets**2).mean()) / mean_edge(points, faces))
 
 
 def high_frequency_roughness(points: FloatArray, faces: IntArray) -> float:
@@ -99,5 +131,4 @@ def high_frequency_roughness(points: FloatArray, faces: IntArray) -> float:
     offsets = points - neighbour_means(points, faces)
     changing = offsets - neighbour_means(offsets, faces)
     along = np.einsum("ij,ij->i", changing, vertex_normals(points, faces))
-    start, end = edges(faces).T
-    return float(np.nanmean(np.abs(along)) / np.linalg.norm(points[start] - points[end], axis=1).mean())
+    return float(np.nanmean(np.abs(along)) / mean_edge(points, faces))

@@ -24,7 +24,7 @@ _TOLERANCE = 1e-11
 _ITERATIONS = 20_000
 
 
-def harmonic(mesh: TetMesh, nodes: IntArray, values: FloatArray, guess: FloatArray) -> tuple[FloatArray, int]:
+def harmonic(mesh: TetMesh, nodes: IntArray, values: FloatArray, guess: FloatArray) -> FloatArray:
     """Extend values from some nodes to all.
 
     Parameters
@@ -35,7 +35,7 @@ def harmonic(mesh: TetMesh, nodes: IntArray, values: FloatArray, guess: FloatArr
 
     Returns
     -------
-    (n, k) values of all nodes, none outside the range of its column of `values`; and how many were clipped
+    (n, k) values of all nodes, none outside the range of its column of `values`
     """
     stiffness = _stiffness(mesh)
     inner = np.ones(len(mesh.points), bool)
@@ -56,8 +56,7 @@ def harmonic(mesh: TetMesh, nodes: IntArray, values: FloatArray, guess: FloatArr
                     f"harmonic interpolation did not converge in {_ITERATIONS} iterations",
                     remedy="set transfer.interior to nearest",
                 )
-    within = np.clip(result, values.min(axis=0), values.max(axis=0))
-    return within, int((within != result).any(axis=1).sum())
+    return np.clip(result, values.min(axis=0), values.max(axis=0))
 
 
 def _stiffness(mesh: TetMesh) -> csr_matrix:

@@ -151,8 +151,7 @@ def _columns_between(mesh: TetMesh, cortex: int, white: int) -> Cortex:
     phi[pial] = 1.0
     phi[deep] = 0.0
     ends = np.unique(np.concatenate([pial, deep])).astype(np.int32)
-    solved, _ = harmonic(wall, ends, phi[ends], phi)
-    found = columns(wall, solved[:, 0])
+    found = columns(wall, harmonic(wall, ends, phi[ends], phi)[:, 0])
     sides = points[edges(cells)]
     shortest = _SHORTEST * np.linalg.norm(sides[:, 0] - sides[:, 1], axis=1).mean()
     return Cortex(found, nodes, mine, found.whole & (found.thickness >= shortest), white)

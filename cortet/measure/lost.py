@@ -12,12 +12,10 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from cortet.geometry.closest_point import closest_points, tree_of
-from cortet.geometry.topology import edges, face_normals
-from cortet.meshes import FloatArray, TriSurface
+from cortet.geometry.topology import edges, face_normals, linked
+from cortet.meshes import FloatArray, IntArray, TriSurface
 
 
 @dataclass(frozen=True)
@@ -71,13 +69,11 @@ def lost_places(boundary: TriSurface, surface: TriSurface, *, limit: float) -> l
     return sorted(places, key=lambda place: -place.distance_mm)
 
 
-def _parts(surface: TriSurface, beyond: NDArray[np.bool_]) -> NDArray[np.int32]:
+def _parts(surface: TriSurface, beyond: NDArray[np.bool_]) -> IntArray:
     """Component of each sample, (n + m,): edges and faces connect samples beyond the limit."""
     count = len(surface.points)
     corners = surface.faces.ravel()
     centres = np.repeat(np.arange(count, len(beyond)), 3)
     start, end = np.concatenate([edges(surface.faces), np.column_stack([corners, centres])]).T
     both = beyond[start] & beyond[end]
-    graph = coo_matrix((np.ones(both.sum(), np.int8), (start[both], end[both])), shape=(len(beyond), len(beyond)))
-    label: NDArray[np.int32] = connected_components(graph, directed=False)[1]
-    return label
+    return linked(start[both], end[both], len(beyond))

@@ -40,16 +40,11 @@ def _in_blocks(measure: Callable[[FloatArray, IntArray], FloatArray]) -> Callabl
     return in_blocks
 
 
-def edge_vectors(points: FloatArray, cells: IntArray) -> FloatArray:
-    """Vectors along the six edges, in the order of `topology.TET_EDGES`: (m, 6, 3) mm."""
-    ends = points[cells[:, TET_EDGES]]
-    return ends[:, :, 1] - ends[:, :, 0]
-
-
 @_in_blocks
 def edge_lengths(points: FloatArray, cells: IntArray) -> FloatArray:
-    """The six edge lengths: (m, 6) mm."""
-    return np.linalg.norm(edge_vectors(points, cells), axis=2)
+    """The six edge lengths, in the order of `topology.TET_EDGES`: (m, 6) mm."""
+    ends = points[cells[:, TET_EDGES]]
+    return np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
 
 
 @_in_blocks

@@ -21,6 +21,7 @@ from cortet.geometry.topology import (
     boundary_surface,
     edges,
     enclosed_volume,
+    face_areas,
     interfaces,
     sheet,
     surface_topology,
@@ -200,6 +201,4 @@ def _across(mesh: TetMesh, number: int, within: list[int]) -> Across | None:
 
 
 def _area(surface: TriSurface) -> float:
-    corners = surface.points[surface.faces]
-    sides = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    return float(np.linalg.norm(sides, axis=1).sum()) / 2
+    return float(face_areas(surface.points, surface.faces).sum())

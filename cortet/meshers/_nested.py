@@ -11,9 +11,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from cortet.errors import StageError
 from cortet.geometry.banks import slits
@@ -21,7 +18,7 @@ from cortet.geometry.closest_point import tree_of
 from cortet.geometry.limits import LEAST_BANK_GAP
 from cortet.geometry.nesting import joined, parents, region_boundary, sheets
 from cortet.geometry.thickness import thickness
-from cortet.geometry.topology import TET_FACES, enclosed_volume, neighbours, packed, vertex_normals
+from cortet.geometry.topology import TET_FACES, bodies, enclosed_volume, neighbours, packed, vertex_normals
 from cortet.meshers._lattice import finer_step
 from cortet.meshers._remesh import (
     CREST,
@@ -138,7 +135,9 @@ def regions_of(points: FloatArray, cells: IntArray, walls: Sequence[TriSurface])
     place = order[np.minimum(place, len(facets) - 1)]
     is_facet = keys[place] == keys[len(facets) :]
     cell, corner, place = cell[is_facet], corner[is_facet], place[is_facet]
-    part = _parts(behind, cell, corner)
+    parted = behind.copy()
+    parted[cell, corner] = -1
+    part = bodies(parted)
     # a body lies inside a surface where its tetrahedra are below the triangles
     corners = points[facets[place]]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -152,14 +151,3 @@ def regions_of(points: FloatArray, cells: IntArray, walls: Sequence[TriSurface])
             remedy="look at the certificate of each surface alone, or use a smaller cell size",
         )
     return (1 + label[part]).astype(np.int32)
-
-
-def _parts(behind: IntArray, cell: NDArray[np.int64], corner: NDArray[np.int64]) -> NDArray[np.int32]:
-    """Number of the connected body of each tetrahedron after cutting the mesh open at some faces: (m,)."""
-    open_to = behind.copy()
-    open_to[cell, corner] = -1
-    start, _ = np.nonzero(open_to >= 0)
-    end = open_to[open_to >= 0]
-    graph = coo_matrix((np.ones(len(start), np.int8), (start, end)), shape=(len(behind),) * 2)
-    label: NDArray[np.int32] = connected_components(graph, directed=False)[1]
-    return label

@@ -193,8 +193,7 @@ def _left_behind_sheet(
 ) -> Callable[[TetMesh], IntArray]:
     began, nodes = topology.sheet(mesh, number)
     if cell_size is None:
-        start, end = topology.edges(began.faces).T
-        limit = MOST_OF_EDGE * float(np.linalg.norm(began.points[start] - began.points[end], axis=1).mean())
+        limit = MOST_OF_EDGE * topology.mean_edge(began.points, began.faces)
     else:
         limit = MOST_LEFT_BEHIND * cell_size
     samples = surface_samples(surface)

@@ -12,10 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
-from cortet.geometry.topology import TET_FACES, packed
+from cortet.geometry.topology import TET_FACES, linked, packed
 from cortet.measure.quality import quality
 from cortet.meshes import IntArray, TetMesh
 
@@ -94,6 +92,5 @@ def _changes(before: IntArray, after: IntArray) -> _Changes:
     order = np.argsort(face, kind="stable")
     same = np.diff(face[order]) == 0
     links = order[:-1][same] // 4, order[1:][same] // 4
-    graph = coo_matrix((np.ones(len(links[0]), np.int8), links), shape=(len(cells),) * 2)
-    cluster = connected_components(graph, directed=False)[1] if len(cells) else np.zeros(0, np.int32)
+    cluster = linked(*links, len(cells)) if len(cells) else np.zeros(0, np.int32)
     return _Changes(old, new, cluster[: len(old)], cluster[len(old) :])

@@ -114,7 +114,7 @@ def _reconnected(done: Mapping[str, Any]) -> str:
 
 
 def _boundary_smoothed(done: Mapping[str, Any]) -> str:
-    return f"The boundary was smoothed ({counted(done['iterations'], 'iteration')}, method {done['method']})."
+    return f"The boundary was smoothed ({counted(done['iterations'], 'iteration')})."
 
 
 def _snapped(_: Mapping[str, Any]) -> str:

@@ -13,14 +13,12 @@ from cortet.config.stages import Repair
 from cortet.errors import InputError, place_mm
 from cortet.geometry import mending
 from cortet.geometry.closest_point import closest_points, tree_of
-from cortet.geometry.defects import flat_faces
 from cortet.geometry.handles import without_handles
 from cortet.geometry.holes import capped, closed_volume, replaced, rim_length, rims
 from cortet.geometry.interpolation import at_triangles
 from cortet.geometry.intersection import self_intersections
-from cortet.geometry.mending import CAP, REPLACED, Triangles
+from cortet.geometry.mending import CAP, REPLACED, Triangles, flat_faces
 from cortet.geometry.orientation import outward
-from cortet.geometry.rebuilding import rebuilt
 from cortet.geometry.topology import enclosed_volume, face_normals, neighbour_means, surface_topology
 from cortet.geometry.uncrossing import uncrossed
 from cortet.geometry.winding import winding_numbers
@@ -100,7 +98,10 @@ class BrokenSurface:
 
     def set_right(self) -> None:
         """Run all steps in their order."""
-        local = (
+        for step in (
+            self._unknown_places,
+            self._coinciding,
+            self._duplicates,
             self._branches,
             self._small_pieces,
             self._orientation,
@@ -108,9 +109,7 @@ class BrokenSurface:
             self._misshapen,
             self._handles,
             self._crossings,
-        )
-        how = {"local": local, "voxel": (self._rebuilding,)}[self.limits.method]
-        for step in (self._unknown_places, self._coinciding, self._duplicates, *how):
+        ):
             step()
             if not len(self.work.faces):
                 raise InputError("repair would remove every triangle", remedy="export the surface again")
@@ -161,13 +160,6 @@ class BrokenSurface:
         if len(gone):
             places = self.work.faces[gone, 0]
             self._replace(work, "doubled triangles removed", len(gone), "faces", places)
-
-    def _rebuilding(self) -> None:
-        turned = TriSurface(self.work.points, outward(self.work.points, self.work.faces))
-        made, self.volume_before = rebuilt(turned, self.limits.spacing)
-        self._note(f"surface rebuilt on a grid of {self.limits.spacing:g} mm", 1, "surface", made.points.mean(axis=0))
-        work = mending.triangles(made.points, made.faces)
-        self.work = work._replace(origin=np.full(len(made.points), -1, np.int32), made=work.made + REPLACED)
 
     def _branches(self) -> None:
         count = len(self.work.points)

@@ -12,8 +12,8 @@ import numpy as np
 from cortet.config.stages import Gate
 from cortet.errors import InputError
 from cortet.formats.placement import UNITS
-from cortet.geometry.defects import flat_faces
 from cortet.geometry.intersection import self_intersections
+from cortet.geometry.mending import flat_faces
 from cortet.geometry.orientation import outward
 from cortet.geometry.smoothing import laplacian
 from cortet.geometry.topology import SurfaceTopology, compact, enclosed_volume, face_areas, surface_topology
@@ -48,8 +48,6 @@ class GateReport:
     genus: int
     volume_ml: float
     area_mm2: float
-    #: sides of the bounding box
-    extent_mm: tuple[float, float, float]
     unused_vertices_dropped: int
     faces_reoriented: int
     #: triangles that crossed others before the repair
@@ -93,7 +91,8 @@ def gate(
         if reoriented := int((oriented.faces != used.faces).any(axis=1).sum()):
             logger.warning("%s: %d of %d triangles turned outward", source, reoriented, len(used.faces))
         if not inside:
-            require_size(_extent(oriented), enclosed_volume(oriented.points, oriented.faces) / 1000)
+            extents = np.ptp(oriented.points, axis=0).tolist()
+            require_size(extents, enclosed_volume(oriented.points, oriented.faces) / 1000)
         repaired, crossing = _uncross(oriented, source)
     except InputError as error:
         raise InputError(error.what, file=source, remedy=error.remedy) from None
@@ -106,7 +105,6 @@ def gate(
         genus=int(topology.genus),
         volume_ml=enclosed_volume(repaired.points, repaired.faces) / 1000,
         area_mm2=float(face_areas(repaired.points, repaired.faces).sum()),
-        extent_mm=_extent(repaired),
         unused_vertices_dropped=dropped,
         faces_reoriented=reoriented,
         crossing_faces_repaired=crossing,
@@ -149,11 +147,6 @@ def _check_topology(surface: TriSurface, found: SurfaceTopology, allow_genus: in
             f"genus {found.genus:g} (Euler number {found.euler_number}), at most {allow_genus} is accepted",
             remedy="correct the topology of the segmentation, or set gate.allow_genus if the handles are real",
         )
-
-
-def _extent(surface: TriSurface) -> tuple[float, float, float]:
-    x, y, z = np.ptp(surface.points, axis=0).tolist()
-    return x, y, z
 
 
 def require_size(extents: Sequence[float], volume: float, *, option: str = "gate.unit") -> None:

@@ -36,8 +36,6 @@ class ReconnectReport:
     face_removals: int
     boundary_flips: int
     peeled: int
-    #: volume between old and new boundary faces, positive where it was cut off
-    volume_cut_mm3: float
     #: vertices inserted, before and after the rest
     inserted: int
     #: vertices held in place because moving them, or flipping their boundary edges, made the boundary cross itself
@@ -89,7 +87,6 @@ def reconnect(
         face_removals=swaps.face_removals,
         boundary_flips=swaps.boundary_flips,
         peeled=swaps.peeled,
-        volume_cut_mm3=swaps.volume_cut,
         inserted=inserted,
         vertices_held=len(held),
     )

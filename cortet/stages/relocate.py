@@ -35,12 +35,7 @@ class RelocateReport:
 
     passes: int
     boundary: str
-    nodes_moved: int
     max_displacement_mm: float
-    mean_boundary_displacement_mm: float
-    max_boundary_displacement_mm: float
-    #: nodes not moved all the way, because an element would have been inverted
-    nodes_backed_off: int
     mean_q_before: float
     mean_q_after: float
     q_max_before: float
@@ -74,11 +69,7 @@ def relocate(mesh: TetMesh, settings: Relocate = Relocate()) -> tuple[TetMesh, R
     return replace(mesh, points=points), RelocateReport(
         passes=settings.passes,
         boundary=settings.boundary,
-        nodes_moved=int((displacement > 0).sum()),
         max_displacement_mm=float(displacement.max()),
-        mean_boundary_displacement_mm=float(on_boundary.mean()),
-        max_boundary_displacement_mm=float(on_boundary.max()),
-        nodes_backed_off=backed_off,
         mean_q_before=float(before.mean()),
         mean_q_after=float(after.mean()),
         q_max_before=float(before.max()),

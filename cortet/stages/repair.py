@@ -2,7 +2,7 @@
 
 A surface without a flaw passes with its arrays unchanged. The steps run in the order that changes least: first repairs
 that equal positions and indices decide, then new triangles in holes, then cuts through handles, and last crossing
-triangles. As a last resort, the whole surface is rebuilt on a grid instead.
+triangles.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def repair(
     Parameters
     ----------
     surface : as read; coordinates need not be finite; its inner surfaces stay as they are
-    settings : as `Repair` describes them; `geometry.rebuilding` is the method voxel
+    settings : as `Repair` describes them
     source : where it comes from, for messages and the report
     allow_genus : number of handles that may stay
 
@@ -79,7 +79,7 @@ def repair(
         something is beyond these limits, or has no single right answer; says what and where
     """
     if not has_flaw(surface, allow_genus):
-        return surface, _untouched(surface, source)
+        return surface, _report(surface, surface, source)
     work = BrokenSurface(surface, settings, allow_genus)
     try:
         work.set_right()
@@ -87,57 +87,37 @@ def repair(
     except InputError as error:  # the functions that refuse a surface do not know its file
         raise InputError(error.what, file=source, remedy=error.remedy or _REMEDY) from None
     logger.warning("%s: repaired: %s", source or "the surface", work.done())
-    return made, _report(work, made, source)
+    return made, _report(surface, made, source, work)
 
 
-def _report(work: BrokenSurface, made: TriSurface, source: Any) -> RepairReport:
-    file = measurable(work.given)
-    from_file = distances_to(made, file)
-    from_file = np.r_[from_file[np.unique(file.faces)], from_file[len(file.points) :]]
-    areas = face_areas(made.points, made.faces)
-    before = float(face_areas(file.points, file.faces).sum())
+def _report(given: TriSurface, made: TriSurface, source: Any, work: BrokenSurface | None = None) -> RepairReport:
+    """The report of a repair; without one, of a surface that passed as it is."""
+    file = given if work is None else measurable(given)
+    from_file = to_file = Distances(0.0, 0.0, 0.0)
+    if work is not None:
+        away = distances_to(made, file)
+        from_file = summary(np.r_[away[np.unique(file.faces)], away[len(file.points) :]])
+        to_file = summary(distances_to(file, made))
+    before, areas = float(face_areas(file.points, file.faces).sum()), face_areas(made.points, made.faces)
+    area = float(areas.sum())
     volume = enclosed_volume(made.points, made.faces)
+    volume_before = volume if work is None else work.volume_before
     return RepairReport(
         source=None if source is None else str(source),
-        repaired=True,
-        steps=tuple(work.steps),
-        vertices_before=len(work.given.points),
+        repaired=work is not None,
+        steps=() if work is None else tuple(work.steps),
+        vertices_before=len(given.points),
         vertices=len(made.points),
-        faces_before=len(work.given.faces),
+        faces_before=len(given.faces),
         faces=len(made.faces),
-        file_to_surface_mm=summary(from_file),
-        surface_to_file_mm=summary(distances_to(file, made)),
-        displacement_max_mm=work.displacement,
+        file_to_surface_mm=from_file,
+        surface_to_file_mm=to_file,
+        displacement_max_mm=0.0 if work is None else work.displacement,
         area_before_mm2=before,
-        area_mm2=float(areas.sum()),
-        filled_area_mm2=float(areas[work.work.made == CAP].sum()),
-        volume_before_ml=work.volume_before / 1000,
-        volume_ml=volume / 1000,
-        relative_area_change=float(areas.sum()) / before - 1,
-        relative_volume_change=volume / work.volume_before - 1,
-    )
-
-
-def _untouched(surface: TriSurface, source: Any) -> RepairReport:
-    area = float(face_areas(surface.points, surface.faces).sum())
-    volume = enclosed_volume(surface.points, surface.faces) / 1000
-    none = Distances(0.0, 0.0, 0.0)
-    return RepairReport(
-        source=None if source is None else str(source),
-        repaired=False,
-        steps=(),
-        vertices_before=len(surface.points),
-        vertices=len(surface.points),
-        faces_before=len(surface.faces),
-        faces=len(surface.faces),
-        file_to_surface_mm=none,
-        surface_to_file_mm=none,
-        displacement_max_mm=0.0,
-        area_before_mm2=area,
         area_mm2=area,
-        filled_area_mm2=0.0,
-        volume_before_ml=volume,
-        volume_ml=volume,
-        relative_area_change=0.0,
-        relative_volume_change=0.0,
+        filled_area_mm2=0.0 if work is None else float(areas[work.work.made == CAP].sum()),
+        volume_before_ml=volume_before / 1000,
+        volume_ml=volume / 1000,
+        relative_area_change=area / before - 1,
+        relative_volume_change=volume / volume_before - 1,
     )

@@ -44,15 +44,11 @@ class Separated:
     min_gap_mm: float
     #: triangles of the two surfaces that crossed, before
     crossing_faces_before: int
-    #: farthest that a vertex was outside the surface around it
-    outside_max_mm: float
     vertices: int
     vertices_moved: int
     #: mean over all vertices
     moved_mean_mm: float
     moved_max_mm: float
-    #: smallest distance of a vertex from the surface around it, afterwards
-    gap_least_mm: float
     #: volume enclosed by this surface, before and after
     volume_before_ml: float
     volume_ml: float
@@ -161,7 +157,6 @@ def _require_another(surface: TriSurface, container: TriSurface, name: str, *, n
 
 def _moved_inside(surface: TriSurface, container: TriSurface, *, name: str, gap: float) -> tuple[TriSurface, Separated]:
     tree = tree_of(container)
-    depth, _, _ = depths(tree, container, surface.points)
     crossing = len(self_intersections(joined([surface, container])))
     for share in _SHARES:  # a smaller gap asks for shorter moves, after which fewer triangles cross
         gaps = gaps_to_keep(container, tree, share * gap)
@@ -177,7 +172,6 @@ def _moved_inside(surface: TriSurface, container: TriSurface, *, name: str, gap:
             f"triangles still intersect, the first at {place_mm(first)}",
             remedy="edit the surfaces there, or choose a smaller regions.min_gap",
         )
-    after, _, _ = depths(tree, container, points)
     distance = np.linalg.norm(points - surface.points, axis=1)
     before, volume = (enclosed_volume(p, surface.faces) / 1000 for p in (surface.points, points))
     whole = enclosed_volume(container.points, container.faces) / 1000
@@ -185,12 +179,10 @@ def _moved_inside(surface: TriSurface, container: TriSurface, *, name: str, gap:
         name=name,
         min_gap_mm=gap,
         crossing_faces_before=crossing,
-        outside_max_mm=float(max(-depth.min(), 0)),
         vertices=len(points),
         vertices_moved=int((distance > 0).sum()),
         moved_mean_mm=float(distance.mean()),
         moved_max_mm=float(distance.max()),
-        gap_least_mm=float(after.min()),
         volume_before_ml=before,
         volume_ml=volume,
         around_before_ml=whole - before,

@@ -8,17 +8,12 @@ most of what smoothing gained, which is a better arrangement of vertices, not an
 from __future__ import annotations
 
 import logging
-import tempfile
 from dataclasses import dataclass, replace
-from pathlib import Path
-from shutil import which
 
 import numpy as np
 
 from cortet.config.section import Boundary
-from cortet.config.stages import BoundarySmoothing, Clean, SmoothBoundary
-from cortet.errors import StageError
-from cortet.formats import child, gifti
+from cortet.config.stages import Clean, SmoothBoundary
 from cortet.geometry.closest_point import SurfaceTree, closest_points, tree_of
 from cortet.geometry.nesting import joined, sheets
 from cortet.geometry.smoothing import surface_preserving
@@ -32,8 +27,6 @@ from cortet.stages.clean import clean
 
 VERSION: int = 8
 
-#: strength of `wb_command -surface-smoothing`, as published
-_STRENGTH = 0.7
 #: layers of interior nodes that follow the boundary, each by this share of the one above
 _SHELLS, _FOLLOWING = 2, 0.5
 #: how many times the iterations are halved if elements invert
@@ -46,7 +39,6 @@ logger = logging.getLogger(__name__)
 class SmoothBoundaryReport:
     """What was done, and the result."""
 
-    method: BoundarySmoothing
     onto_surface: bool
     #: the requested number, halved until no element inverted; 0 if even one iteration inverts some
     iterations: int
@@ -77,7 +69,7 @@ def smooth_boundary(
 
     Raises
     ------
-    StageError : the given mesh has inverted elements, or `wb_command` is not installed or failed
+    StageError : the given mesh has inverted elements
     """
     before = quality(mesh.points, mesh.cells)
     require_sound(mesh, before)
@@ -90,7 +82,7 @@ def smooth_boundary(
         count = settings.iterations
         for _ in range(_RETRIES + 1):
             smoothed = [
-                _smoothed(wall, settings.method, count, tree_of(one) if settings.onto_surface else None)
+                _smoothed(wall, count, tree_of(one) if settings.onto_surface else None)
                 for (wall, _), one in zip(walls, given, strict=True)
             ]
             target = np.where(free[:, None], np.concatenate(smoothed), start.points[nodes])
@@ -114,7 +106,6 @@ def smooth_boundary(
     off = [closest_points(tree_of(one), wall.points).distances for one, wall in zip(given, placed, strict=True)]
     began, ended = joined(walls), joined(placed)
     return result, SmoothBoundaryReport(
-        method=settings.method,
         onto_surface=settings.onto_surface,
         iterations=used,
         roughness_before=boundary_roughness(began.points, began.faces),
@@ -129,33 +120,16 @@ def smooth_boundary(
     )
 
 
-def _smoothed(boundary: TriSurface, method: BoundarySmoothing, iterations: int, tree: SurfaceTree | None) -> FloatArray:
+def _smoothed(boundary: TriSurface, iterations: int, tree: SurfaceTree | None) -> FloatArray:
     """Positions of the boundary's vertices after smoothing, (b, 3) mm; each iteration ends on the surface, if given."""
-    smooth = {"laplacian": surface_preserving, "workbench": _workbench}[method]
     if not len(boundary.points):  # an interface that this part of a mesh does not contain
         return boundary.points
     if tree is None:
-        return smooth(boundary, iterations=iterations)
+        return surface_preserving(boundary, iterations=iterations)
     for _ in range(iterations):
-        boundary = replace(boundary, points=closest_points(tree, smooth(boundary, iterations=1)).points)
+        smoothed = surface_preserving(boundary, iterations=1)
+        boundary = replace(boundary, points=closest_points(tree, smoothed).points)
     return boundary.points
-
-
-def _workbench(boundary: TriSurface, *, iterations: int) -> FloatArray:
-    program = which("wb_command")
-    if program is None:
-        raise StageError(
-            "wb_command is not installed",
-            remedy="install connectome-workbench, or set smooth_boundary.method: laplacian",
-        )
-    with tempfile.TemporaryDirectory(prefix="cortet-workbench-") as folder:
-        source, target = Path(folder) / "before.surf.gii", Path(folder) / "after.surf.gii"
-        gifti.write_surface(boundary, source)
-        command = [program, "-surface-smoothing", str(source), str(_STRENGTH), str(iterations), str(target)]
-        run = child.run(command)
-        if run.returncode or not target.exists():
-            raise StageError(f"wb_command -surface-smoothing failed: {(run.stderr or run.stdout).strip()}")
-        return gifti.read_surface(target).points
 
 
 def _followed(mesh: TetMesh, nodes: IntArray, target: FloatArray) -> FloatArray:

@@ -39,9 +39,6 @@ class SnapReport:
     outcome: str
     max_distance_before_mm: float
     max_distance_after_mm: float
-    #: elements that snapping without repair would have inverted, or raised to the limit or above
-    inverted_without_repair: int
-    lifted_without_repair: int
     repair_rounds: int
     #: boundary nodes that could not be brought all the way to the surface
     nodes_left_off: int
@@ -66,9 +63,6 @@ def snap(mesh: TetMesh, surface: TriSurface, settings: Snap = Snap()) -> tuple[T
     tree = tree_of(surface)
     nodes = boundary_nodes(mesh)
     found = closest_points(tree, mesh.points[nodes])
-    before = quality(mesh.points, mesh.cells)
-    unrepaired = quality(_placed(mesh.points, nodes, found.points), mesh.cells)
-    inverted = unrepaired >= 1
 
     def attempt(start: TetMesh, held: IntArray) -> tuple[TetMesh, int]:
         return _brought(start, surface, tree, np.setdiff1d(boundary_nodes(start), held), settings.q_max, held)
@@ -89,11 +83,9 @@ def snap(mesh: TetMesh, surface: TriSurface, settings: Snap = Snap()) -> tuple[T
         outcome=outcome,
         max_distance_before_mm=float(found.distances.max()),
         max_distance_after_mm=float(distances.max()),
-        inverted_without_repair=int(inverted.sum()),
-        lifted_without_repair=int((~inverted & (unrepaired >= settings.q_max) & (unrepaired > before)).sum()),
         repair_rounds=rounds,
         nodes_left_off=left_off,
-        q_max_before=float(before.max()),
+        q_max_before=float(quality(mesh.points, mesh.cells).max()),
         q_max_after=float(quality(snapped.points, snapped.cells).max()),
     )
 

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from cortet.config.stages import Interior, Transfer
+from cortet.config.stages import Transfer
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.interpolation import at_triangles, is_label
 from cortet.geometry.nesting import sheets
-from cortet.geometry.topology import boundary_nodes, numbers, sheet
+from cortet.geometry.topology import numbers, sheet
 from cortet.measure.harmonic import harmonic
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
 
@@ -38,8 +39,6 @@ class TransferReport:
     nodes_further_than_1mm: int
     #: how interior nodes got their values; labels always come from the nearest boundary node
     interior: str
-    #: interior nodes whose values were clipped to the range of those on the boundary
-    nodes_cut_off: int
 
 
 def transfer(mesh: TetMesh, surface: TriSurface, settings: Transfer = Transfer()) -> tuple[TetMesh, TransferReport]:
@@ -65,27 +64,38 @@ def transfer(mesh: TetMesh, surface: TriSurface, settings: Transfer = Transfer()
     StageError
         harmonic interpolation did not converge
     """
-    if surface.inner:
-        return _of_all_sheets(mesh, with_thickness(surface), settings.interior)
-    nodes = boundary_nodes(mesh)
-    found = closest_points(tree_of(surface), mesh.points[nodes])
-    fields, cut_off = {}, 0
-    if surface.point_data:
-        source = _nearest(mesh.points, nodes)
-        corners = surface.faces[found.faces]
-        fields = {
-            name: at_triangles(values, corners, found.barycentric)[source]
-            for name, values in surface.point_data.items()
-        }
-    if settings.interior == "harmonic" and len(nodes) < len(mesh.points):
-        fields, cut_off = _harmonic_inside(mesh, nodes, fields)
-    far = _warned_of_far(found.distances, "boundary nodes", "the surface")
+    surface = with_thickness(surface)
+    called = [("boundary nodes", "the surface"), *((f"nodes of the interface {name}", name) for name in surface.inner)]
+    walls = [sheet(mesh, number)[1] for number in range(len(called))]
+    known: dict[str, dict[int, NDArray[Any]]] = {}  # field -> number of a surface that has it -> values of its nodes
+    distances, far = [], 0
+    for number, (one, nodes, names) in enumerate(zip(sheets(surface), walls, called, strict=True)):
+        found = closest_points(tree_of(one), mesh.points[nodes])
+        distances.append(found.distances)
+        far += _warned_of_far(found.distances, *names)
+        for name, values in one.point_data.items():
+            there = at_triangles(values, one.faces[found.faces], found.barycentric)
+            known.setdefault(name, {})[number] = there
+
+    @cache
+    def sources(numbers: tuple[int, ...]) -> tuple[IntArray, IntArray]:
+        """The nodes of some surfaces, and which of these each node of the mesh takes its values from."""
+        nodes = np.concatenate([walls[number] for number in numbers])
+        return nodes, _nearest(mesh.points, nodes)
+
+    fields = {}
+    for name, parts in known.items():
+        nodes, source = sources(tuple(parts))
+        carried = np.concatenate(list(parts.values()))[source]
+        if settings.interior == "harmonic" and not is_label(carried) and len(nodes) < len(mesh.points):
+            columns = carried.reshape(len(carried), -1).astype(np.float64)
+            carried = harmonic(mesh, nodes, columns[nodes], columns).reshape(carried.shape)
+        fields[name] = carried
     return replace(mesh, point_data={**mesh.point_data, **fields}), TransferReport(
-        fields={name: "label" if is_label(values) else "interpolated" for name, values in surface.point_data.items()},
-        max_distance_mm=float(found.distances.max()),
+        fields={name: "label" if is_label(values) else "interpolated" for name, values in fields.items()},
+        max_distance_mm=float(np.concatenate(distances).max()),
         nodes_further_than_1mm=far,
         interior=settings.interior,
-        nodes_cut_off=cut_off,
     )
 
 
@@ -105,7 +115,7 @@ def _warned_of_far(distances: FloatArray, nodes: str, surface: str) -> int:
 
 
 def _nearest(points: FloatArray, nodes: IntArray) -> IntArray:
-    """Index in `nodes` (b,), ascending, of the node nearest to each of all `points` (n, 3): (n,) int32."""
+    """Index in `nodes` (b,) of the node nearest to each of all `points` (n, 3): (n,) int32."""
     source = numbers(nodes, len(points))
     inner = np.flatnonzero(source < 0)
     source[inner] = cKDTree(points[nodes]).query(points[inner])[1]
@@ -123,52 +133,3 @@ def with_thickness(surface: TriSurface) -> TriSurface:
     thickness = np.linalg.norm(surface.points - inner.points, axis=1)
     within = replace(inner, point_data={**inner.point_data, THICKNESS: thickness})
     return replace(surface, point_data={**surface.point_data, THICKNESS: thickness}, inner={name: within})
-
-
-def _of_all_sheets(mesh: TetMesh, surface: TriSurface, interior: Interior) -> tuple[TetMesh, TransferReport]:
-    """Carry the fields of a surface and of its inner surfaces."""
-    known: dict[str, list[tuple[IntArray, NDArray[Any]]]] = {}
-    distances, far = [], 0
-    called = [("boundary nodes", "the surface"), *((f"nodes of the interface {name}", name) for name in surface.inner)]
-    for number, (one, names) in enumerate(zip(sheets(surface), called, strict=True)):
-        nodes = sheet(mesh, number)[1]
-        found = closest_points(tree_of(one), mesh.points[nodes])
-        distances.append(found.distances)
-        far += _warned_of_far(found.distances, *names)
-        for name, values in one.point_data.items():
-            there = at_triangles(values, one.faces[found.faces], found.barycentric)
-            known.setdefault(name, []).append((nodes, there))
-    fields, cut_off = {}, 0
-    for name, parts in known.items():
-        nodes = np.concatenate([part for part, _ in parts])
-        values = np.concatenate([there for _, there in parts])
-        carried = values[cKDTree(mesh.points[nodes]).query(mesh.points)[1]]
-        carried[nodes] = values
-        if interior == "harmonic" and not is_label(values):
-            columns = carried.reshape(len(carried), -1).astype(np.float64)
-            solved, more = harmonic(mesh, nodes, columns[nodes], columns)
-            carried, cut_off = solved.reshape(carried.shape), cut_off + more
-        fields[name] = carried
-    off = np.concatenate(distances)
-    return replace(mesh, point_data={**mesh.point_data, **fields}), TransferReport(
-        fields={name: "label" if is_label(parts[0][1]) else "interpolated" for name, parts in known.items()},
-        max_distance_mm=float(off.max()),
-        nodes_further_than_1mm=far,
-        interior=interior,
-        nodes_cut_off=cut_off,
-    )
-
-
-def _harmonic_inside(
-    mesh: TetMesh, nodes: IntArray, fields: dict[str, NDArray[Any]]
-) -> tuple[dict[str, NDArray[Any]], int]:
-    """Fields other than labels with harmonic values inside, and the number of nodes whose values were clipped."""
-    smooth = {name: values for name, values in fields.items() if not is_label(values)}
-    if not smooth:
-        return fields, 0
-    columns = np.column_stack(list(smooth.values())).astype(np.float64)
-    solved, cut_off = harmonic(mesh, nodes, columns[nodes], columns)
-    ends = np.cumsum([values[0].size for values in smooth.values()])
-    parts = np.split(solved, ends[:-1], axis=1)
-    harmonics = {name: part.reshape(values.shape) for (name, values), part in zip(smooth.items(), parts, strict=True)}
-    return {name: harmonics.get(name, values) for name, values in fields.items()}, cut_off

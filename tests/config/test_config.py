@@ -90,23 +90,10 @@ def test_a_backend_without_what_is_asked_of_it_is_refused_when_the_configuration
     assert config.load({"setting": "published", "clean": {"backend": "meshtool"}}).clean.backend == "meshtool"
 
 
-@pytest.mark.parametrize(
-    ("data", "words"),
-    [
-        (
-            {"setting": "published", "clean": {"backend": "meshtool"}},
-            r"meshtool is not installed.*clean.backend: cortet",
-        ),
-        (
-            {"smooth_boundary": {"enabled": True, "method": "workbench"}},
-            r"wb_command is not installed.*smooth_boundary.method: laplacian",
-        ),
-    ],
-)
-def test_a_program_that_is_called_and_missing_is_named_before_anything_runs(data, words, tmp_path, monkeypatch):
+def test_a_program_that_is_called_and_missing_is_named_before_anything_runs(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(InputError, match=words):
-        require_programs(config.load(data))
+    with pytest.raises(InputError, match=r"meshtool is not installed.*clean.backend: cortet"):
+        require_programs(config.load({"setting": "published", "clean": {"backend": "meshtool"}}))
     require_programs(config.Config())
 
 

@@ -1,9 +1,12 @@
-"""The tree must give what a search over all triangles gives."""
+"""The tree must give what a search over all triangles gives, and winding numbers tell inside from outside."""
 
 import numpy as np
 import pytest
+from shapes import ball_surface
 
 from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.nesting import joined
+from cortet.geometry.winding import winding_numbers
 
 TRIANGLE = np.array([[0, 0, 0], [2, 0, 0], [0, 2, 0.0]])
 FACE = np.array([[0, 1, 2]], np.int32)
@@ -36,3 +39,10 @@ def test_tree_agrees_with_a_search_over_every_triangle():
     rebuilt = np.einsum("ij,ijk->ik", found.barycentric, points[faces[found.faces]])
     assert rebuilt == pytest.approx(found.points, abs=1e-12)
     assert (found.barycentric >= 0).all() and found.barycentric.sum(axis=1) == pytest.approx(1)
+
+
+def test_a_closed_surface_winds_once_around_what_is_inside():
+    ball = ball_surface(3, radius=10.0)
+    places = np.array([[0, 0, 0], [9, 0, 0], [0, 11, 0], [0, 0, 100.0]])
+    assert winding_numbers(ball, places) == pytest.approx([1, 1, 0, 0], abs=0.05)
+    assert winding_numbers(joined([ball, ball]), places[:1]) == pytest.approx([2], abs=0.05)

@@ -20,7 +20,7 @@ def shell(outer: float, inner: float, across: int, *, sulcus: bool = False) -> t
     radius = np.linalg.norm(mesh.points, axis=1)
     ends = np.flatnonzero((radius < inner + 1e-6) | (radius > outer - 1e-6)).astype(np.int32)
     values = ((radius[ends] > (inner + outer) / 2) ^ sulcus).astype(float)[:, None]
-    phi, _ = harmonic(mesh, ends, values, np.full((len(mesh.points), 1), 0.5))
+    phi = harmonic(mesh, ends, values, np.full((len(mesh.points), 1), 0.5))
     return mesh, radius, columns(mesh, phi[:, 0])
 
 

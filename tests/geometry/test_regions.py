@@ -8,7 +8,6 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 from shapes import ball_surface, real_surface
-from wrong_meshes import sound, swapped_regions
 
 from cortet.config import load
 from cortet.config.fold import Settings
@@ -16,7 +15,7 @@ from cortet.config.stages import Generate, Regions, Transfer
 from cortet.errors import InputError
 from cortet.folding.body import body_of, scale_of, with_interface
 from cortet.folding.fold import fold
-from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.closest_point import closest_points, surface_tree, tree_of
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.nesting import depths, joined, nested, parents, region_boundary
 from cortet.geometry.separation import taken_back
@@ -153,8 +152,8 @@ def test_the_inner_surface_gives_way_where_the_two_touch():
     surface, report = separate(nested(ball(14.0, subdivisions=5), {"white": inner}), Regions(min_gap=0.5), cell_size=H)
     (did,) = report.surfaces
     moved = np.linalg.norm(surface.inner["white"].points - inner.points, axis=1)
-    assert did.crossing_faces_before > 0 and did.outside_max_mm == pytest.approx(0.1, abs=0.03)
-    assert did.gap_least_mm > 0.95 and did.moved_max_mm == pytest.approx(1.1, abs=0.1)
+    assert did.crossing_faces_before > 0 and did.moved_max_mm == pytest.approx(1.1, abs=0.1)
+    assert depths(tree_of(surface), surface, surface.inner["white"].points)[0].min() > 0.95
     assert did.vertices_moved == (moved > 0).sum() and did.moved_mean_mm == pytest.approx(moved.mean())
     assert moved[inner.points[:, 0] < 5].max() == 0  # nothing moves where there is room
     assert len(self_intersections(joined([surface, surface.inner["white"]]))) == 0
@@ -249,10 +248,10 @@ def test_a_real_pair_is_separated_at_the_medial_wall():
     pial, white = (real_surface(f"pairs/neonatal_dhcp_w28_lh_{name}") for name in ("pial", "white"))
     surface, report = separate(nested(pial, {"white": white}), cell_size=1.0)
     (did,) = report.surfaces
-    assert did.crossing_faces_before > 1000 and did.outside_max_mm < 0.15
+    assert did.crossing_faces_before > 1000
     assert did.moved_max_mm < 0.75 and did.moved_mean_mm < 0.1
     depth, _, _ = depths(surface_tree(pial.points, pial.faces), pial, surface.inner["white"].points)
-    assert depth.min() == pytest.approx(did.gap_least_mm) and depth.min() > 0.1
+    assert depth.min() > 0.1
 
 
 def test_the_outer_region_is_what_grows_in_the_direction_across_it(meshed):
@@ -310,12 +309,9 @@ def test_fields_of_both_surfaces_are_carried(meshed, interior):
         assert np.abs(mesh.point_data["one"][between] - exact).max() < 0.05
 
 
-def test_an_empty_region_and_swapped_ones_are_not_certified():
-    good = sound(4)
-    wrong = swapped_regions(good)
-    none = replace(wrong.mesh, cell_data={REGION: np.ones(len(wrong.mesh.cells), np.int32)})
-    for mesh, word in ((none, "tetrahedra of region white 0"), (wrong.mesh, "volume of region white")):
-        assert any(word in reason for reason in certify(mesh, wrong.surface).reasons)
+def test_an_empty_region_is_not_certified(meshed):
+    empty = replace(meshed.mesh, cell_data={REGION: np.ones(len(meshed.mesh.cells), np.int32)})
+    assert any("tetrahedra of region white 0" in reason for reason in certify(empty, meshed.surface).reasons)
 
 
 def test_a_phantom_pair_is_separate_and_stays_as_it_is():

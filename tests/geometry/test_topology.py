@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cortet.geometry import topology
+from cortet.geometry.mending import defective_vertices
 from cortet.meshes import TetMesh
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32)
@@ -45,6 +46,13 @@ def test_each_defect_is_counted_under_its_own_name(faces, kind, count):
     found = topology.surface_topology(faces.astype(np.int32))
     assert getattr(found, kind) == count
     assert not found.is_closed_manifold and found.problems()
+
+
+def test_the_vertices_at_which_a_surface_is_no_manifold_are_found_and_only_those():
+    pinched = np.concatenate([TETRAHEDRON, np.where(TETRAHEDRON == 0, 0, TETRAHEDRON + 3)]).astype(np.int32)
+    branching = np.concatenate([TETRAHEDRON, [[0, 1, 4]]]).astype(np.int32)
+    for faces, found in ((TETRAHEDRON, []), (TETRAHEDRON[:3], [1, 2, 3]), (pinched, [0]), (branching, [0, 1, 4])):
+        assert defective_vertices(faces).tolist() == found
 
 
 def test_boundary_of_two_glued_tetrahedra_is_outward_and_leaves_the_shared_face_out():

@@ -15,10 +15,12 @@ from wrong_meshes import sound, touching, with_listed_twice, with_slit
 
 from cortet.config.sections import Certify
 from cortet.errors import InputError
-from cortet.geometry.banks import banks, gaps, slits
+from cortet.geometry.banks import banks, slits
+from cortet.geometry.closest_point import tree_of
+from cortet.geometry.thickness import gaps
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import SCHEMA, Certificate, certify
-from cortet.measure.checks import NAMES, checked, remedies, with_cell_size
+from cortet.measure.checks import KINDS, Check, Number, checked, remedies
 from cortet.measure.quality import quality
 from cortet.meshes import TetMesh, TriSurface
 from cortet.report.records import of_check
@@ -52,7 +54,7 @@ def test_a_good_mesh_is_certified_with_every_number_beside_its_limit(mesh, surfa
     assert checks["boundary_euler_number"].value == 2
     assert all(check.passed for check in certificate.checks)
     names = {check.id: check.name for check in certify(mesh, surface, native=surface).checks}
-    assert names.items() <= NAMES.items() and certificate.schema == SCHEMA
+    assert names.items() <= {key: kind.name for key, kind in KINDS.items()}.items() and certificate.schema == SCHEMA
     q_max = certificate.quality.q.max  # the limit of q is strict
     assert failed(certify(mesh, surface, Certify(q_max=q_max))) == {"worst_q"}
     assert certify(mesh, surface, Certify(q_max=np.nextafter(q_max, 1))).certified
@@ -85,7 +87,7 @@ def test_a_missed_limit_comes_with_number_place_reason_and_remedy(surface):
     ],
 )
 def test_a_number_has_few_digits_but_tells_on_which_side_of_its_limit_it_is(value, comparison, limit, said):
-    check = checked("worst_q", value, comparison, limit)
+    check = Check("worst_q", "worst q", value, "", comparison, limit, False, "")
     assert check.finding == f"worst q {said}"
     assert of_check(asdict(check))["value"] == said.rpartition(", ")[0]
 
@@ -156,13 +158,11 @@ def test_what_s1_found_wrong_cannot_be_hidden_by_later_stages(mesh, surface):
     ],
 )
 def test_a_remedy_fits_what_filled_the_surface_and_names_a_cell_size(mesher, says, not_says):
-    failed, passed = (
-        checked("surface_distance", value, "<=", 1.0, remedy=remedies(mesher).loss) for value in (2.0, 0.5)
-    )
-    remedy = with_cell_size(failed, None).remedy
+    failed, passed = (Number("surface_distance", value, 1.0, remedies(mesher).loss) for value in (2.0, 0.5))
+    remedy = checked(failed).remedy
     assert says in remedy and not_says not in remedy
-    assert ("1.1 mm" in with_cell_size(failed, 1.5).remedy) == ("smaller cell size" in remedy)
-    assert with_cell_size(passed, 1.5) == with_cell_size(passed, None)
+    assert ("1.1 mm" in checked(failed, 1.5).remedy) == ("smaller cell size" in remedy)
+    assert checked(passed, 1.5) == checked(passed)
 
 
 def test_the_record_is_plain_json_and_the_same_every_time(mesh, surface, tmp_path):
@@ -202,7 +202,7 @@ def test_a_gap_that_the_surface_has_is_no_slit():
     assert found.least_share == pytest.approx(1)
     end = 0.3 / 5 / 2  # radians
     place, normal = np.array([[np.cos(end), np.sin(end), 0]]) * 5, np.array([[np.sin(end), -np.cos(end), 0]])
-    assert gaps(narrow, place, normal, 2.0) == pytest.approx([0.3], rel=1e-3)
+    assert gaps(tree_of(narrow), place, normal, 2.0) == pytest.approx([0.3], rel=1e-3)
     closed = horseshoe(0.006)
     assert banks(closed, narrow).least_share < 0.03
     faces = slits(closed, narrow, 0.03)

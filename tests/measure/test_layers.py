@@ -102,14 +102,15 @@ def test_layers_that_are_missing_are_remarked_on(records, keyword):
     assert keyword in remark
 
 
-def test_another_region_between_cortex_and_white_matter_leaves_no_layers():
+def test_without_white_matter_directly_inside_the_cortex_there_are_no_layers():
     mesh = head()
     deep = np.linalg.norm(mesh.points[mesh.cells].mean(axis=1), axis=1) < 21.2
     region = np.where(mesh.cell_data[REGION] == 2, 3, np.where(deep, 2, 1)).astype(np.int32)
     between = replace(mesh, cell_data={REGION: region})
-    assert layer_records(between, ["deep", "white"], [1, 1]) == ()
-    with pytest.raises(InputError, match="white"):
-        cortical_layers(between, ["deep", "white"], bounds_of([1, 1]))
+    for without, inner in ((between, ["deep", "white"]), (mesh, ["ventricle"])):
+        assert layer_records(without, inner, [1, 1]) == ()
+        with pytest.raises(InputError, match="white"):
+            cortical_layers(without, inner, bounds_of([1, 1]))
     surfaces = nested(ball_surface(2, 23.0), {"deep": ball_surface(2, 21.0), "white": ball_surface(2, 20.0)})
     with pytest.raises(InputError, match="deep"):
         require_layers(surfaces)
@@ -136,12 +137,6 @@ def test_columns_are_followed_once_for_a_mesh_and_its_copies_with_other_fields(m
     assert len(followed) == 1
     layer_records(other, ["white"], [1, 1])
     assert len(followed) == 2
-
-
-def test_a_mesh_without_white_surface_has_none():
-    assert layer_records(head(), ["ventricle"], [1, 1]) == ()
-    with pytest.raises(InputError, match="white"):
-        cortical_layers(head(), ["ventricle"], bounds_of([1, 1, 1]))
 
 
 def test_sets_and_fields_of_layers_are_read_by_other_programs(tmp_path: Path):

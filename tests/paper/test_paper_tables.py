@@ -13,7 +13,7 @@ import pytest
 from cubes import cube_mesh
 
 from cortet.formats.tables import names
-from cortet.measure.checks import checked
+from cortet.measure.checks import Number, checked
 from cortet.measure.quality import summarise
 from cortet.paper.ablation import ABLATION, ablation_table
 from cortet.paper.mesh_tables import (
@@ -188,7 +188,7 @@ def test_an_unknown_age_comes_last(table, table_of, age):
 def test_a_mesh_that_is_missing_or_not_certified_says_why(table, table_of, tmp_path):
     certificates = {}
     for case, limit in (("a", 0.6), ("b", 0.8)):
-        check = asdict(checked("worst_q", 0.7, "<", limit, remedy="use a smaller cell size"))
+        check = asdict(checked(Number("worst_q", 0.7, limit, "use a smaller cell size")))
         file = tmp_path / f"{case}.json"
         file.write_text(json.dumps({"schema": 1, "certified": check["passed"], "checks": [check]}))
         certificates[str(file)] = at(case)

@@ -32,20 +32,18 @@ def test_quality_improves_nothing_is_inverted_and_numbering_and_fields_stay(boun
     assert after.mean() < before.mean() - 0.02 and after.max() < before.max()
     assert signed_volumes(better.points, better.cells).min() > 0
     assert (report.mean_q_before, report.q_max_after) == (before.mean(), after.max())
-    assert report.nodes_moved > 0 and report.nodes_backed_off == 0
+    assert report.max_displacement_mm > 0
 
 
-def test_a_fixed_boundary_does_not_move_by_one_bit_and_the_report_says_how_far_a_free_one_does():
+def test_a_fixed_boundary_does_not_move_by_one_bit_and_a_free_one_does():
     mesh = rough_cube()
     nodes = boundary_nodes(mesh)
-    fixed, report = relocate(mesh, Relocate(boundary="fixed"))
+    fixed, _ = relocate(mesh, Relocate(boundary="fixed"))
     assert np.array_equal(fixed.points[nodes], mesh.points[nodes])
     assert np.linalg.norm(fixed.points - mesh.points, axis=1).max() < 0.5  # a mix-up of numbers would be many spacings
-    assert report.max_boundary_displacement_mm == 0.0 < report.max_displacement_mm
     free, report = relocate(mesh, Relocate(boundary="free"))
-    moved = np.linalg.norm(free.points[nodes] - mesh.points[nodes], axis=1)
-    assert report.max_boundary_displacement_mm == moved.max() > 0
-    assert report.mean_boundary_displacement_mm == moved.mean()
+    moved = np.linalg.norm(free.points - mesh.points, axis=1)
+    assert report.max_displacement_mm == moved.max() >= moved[nodes].max() > 0
 
 
 def test_nodes_that_gmsh_moved_through_a_face_go_only_part_of_the_way(monkeypatch, caplog):
@@ -54,8 +52,8 @@ def test_nodes_that_gmsh_moved_through_a_face_go_only_part_of_the_way(monkeypatc
     inner = np.setdiff1d(np.arange(len(points)), boundary_nodes(mesh))[0]
     points[inner] += 1.2
     monkeypatch.setattr(stage, "_relocated", lambda *_: points)
-    moved, report = relocate(mesh)
-    assert report.nodes_backed_off > 0 and "nodes" in caplog.text
+    moved, _ = relocate(mesh)
+    assert "nodes" in caplog.text
     assert signed_volumes(moved.points, moved.cells).min() > 0
 
 
