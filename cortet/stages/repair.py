@@ -22,7 +22,7 @@ from cortet.measure.lost import distances_to
 from cortet.meshes import TriSurface
 from cortet.stages._repairing import BrokenSurface, RepairStep, has_flaw
 
-VERSION: int = 3
+VERSION: int = 4
 
 #: remedy if no better one is known
 _REMEDY = "edit the surface there, or remesh it"

@@ -200,6 +200,16 @@ def test_a_tunnel_is_closed_within_the_limit_and_kept_where_it_is_allowed():
     assert surface_topology(kept.faces).genus == 1
 
 
+def test_a_cap_has_the_same_bits_whatever_memory_holds():
+    """A symmetric surface has many caps that are equally good: addresses in memory must not choose among them."""
+    shape, held = torus(8.0, 3.0), []
+    first, _ = repair(shape, Repair(max_loop=200.0, max_volume_change=0.9), source="x")
+    for count in (50, 1050, 2050):
+        held.append([bytearray(100 + count) for _ in range(count)])
+        again, _ = repair(shape, Repair(max_loop=200.0, max_volume_change=0.9), source="x")
+        assert np.array_equal(again.points, first.points) and np.array_equal(again.faces, first.faces)
+
+
 def test_a_real_brain_glued_by_doubled_faces_becomes_one_ball():
     made, report = repaired(real_surface("defects/fetomorph_GW29_asis_nonmanifold"))
     assert report.steps[0].count == 740
