@@ -36,11 +36,10 @@ def cap(points: FloatArray, faces: IntArray, rim: IntArray) -> tuple[FloatArray,
     rim : vertices of the hole's rim, in the direction in which the triangles of the cap run
 
     """
-    first = _triangulated(points, faces, rim)
-    wholly, made = _refined(points, faces, first)
+    refined, made = _refined(points, faces, _triangulated(points, faces, rim))
     triangles = np.array(made, np.int32)
-    free = np.arange(len(points), len(wholly))
-    return faired(wholly, np.concatenate([faces, triangles]), free), triangles
+    free = np.arange(len(points), len(refined))
+    return faired(refined, np.concatenate([faces, triangles]), free), triangles
 
 
 def faired(points: FloatArray, faces: IntArray, free: NDArray[np.int64]) -> FloatArray:

@@ -178,9 +178,11 @@ def test_surfaces_may_lie_anywhere_and_patterns_are_filled_in_and_nothing_else(t
     for given in ("../../release/$(x) `y`; z/a.surf.gii", "/data/a.surf.gii"):
         (case,) = read_sheet(sheet(tmp_path, "surface", given))
         assert case.surface == Path(os.path.normpath(tmp_path / given))
-    for pattern in ("{site:>9999999999}", "{site.__class__}", "{0}", "{}", "a\0{site}", "{{site}}"):
+    (tmp_path / "sub-A/anat").mkdir(parents=True)
+    (tmp_path / "sub-A/anat/sub-A_hemi-L_wm.surf.gii").touch()
+    for pattern in ("{session:>9999999999}", "{session.__class__}", "{0}", "{}", "a\0{session}", "{{session}}"):
         with pytest.raises(InputError, match="cannot be filled in"):
-            read_sheet(sheet(tmp_path), {"thickness": pattern})
+            scan(tmp_path, Scan(sessions=pattern))
     for of_release in ("/etc/{participant}", "", "x", "\0{participant}"):  # it stays below the release
         with pytest.raises(InputError, match=r"cohort\.scan\.surfaces"):
             scan(tmp_path, Scan(surfaces=[of_release]))

@@ -57,9 +57,7 @@ def test_the_named_snakefile_takes_its_configuration_from_the_command(study, cap
 
 def test_ctrl_c_is_no_failure_and_the_next_run_goes_on(study):
     settings = yaml.safe_load((study / "config.yaml").read_text()) | {"certify": CONFIG["certify"]}
-    (study / "config.yaml").write_text(
-        yaml.safe_dump(settings | {"generate": {"cell_size": [2.0]}, "quality": CONFIG["quality"]})
-    )
+    (study / "config.yaml").write_text(yaml.safe_dump(settings | {"generate": {"cell_size": [2.0]}}))
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     # a shell lets what it runs in the background ignore Ctrl-C, and so these tests and what they start
     command = ["env", "--default-signal=INT", *SNAKEMAKE, "meshes", STATUS]
