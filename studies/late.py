@@ -136,11 +136,15 @@ def comparison(table: pd.DataFrame) -> str:
             cells = [_difference(name, some[name].astype(float), float(real.loc[age, name])) for name in QUANTITIES]
             rows.append([kind, f"{size:g}", str(len(some)), *cells])
         rows.append(
-            ["real fetuses", "", "", *(f"{real.loc[age, name]:.{QUANTITIES[name][2]}f}" for name in QUANTITIES)]
+            ["real fetuses", "", "", *(_number(real.loc[age, name], QUANTITIES[name][2]) for name in QUANTITIES)]
         )
         head = [f"{age:g} weeks", "h (mm)", "brains", *(words for words, _, _ in QUANTITIES.values())]
         blocks.append("\n".join(f"| {' | '.join(line)} |" for line in [head, ["---"] * len(head), *rows]))
     return "\n\n".join(blocks) + "\n"
+
+
+def _number(value: float, digits: int) -> str:
+    return "n/a" if np.isnan(value) else f"{value:.{digits}f}"
 
 
 def _difference(name: str, values: pd.Series, real: float) -> str:

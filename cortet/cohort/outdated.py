@@ -68,7 +68,7 @@ def set_aside(plan: Plan, *, dropped: bool = False) -> list[str]:
 def earlier_results(plan: Plan, case: Case) -> dict[str, str]:
     """The entry `earlier` of a state: the folder with outdated results of a case; empty if it has none."""
     folder = Path(plan.layout.output) / case.folder / FOLDER
-    return {"earlier": str(folder)} if any(folder.glob(f"*/*/{case.name}_*")) else {}
+    return {"earlier": str(folder)} if any(folder.glob(f"*/{case.name}_*")) else {}
 
 
 def first_other_stage(plan: Plan, mesh: Mesh) -> str | None:
@@ -133,14 +133,16 @@ def _without_row(plan: Plan) -> list[tuple[str, Path]]:
 
 
 def _move(folder: Path, entries: Iterable[Path]) -> Path | None:
-    """Move files and folders of a case to a new numbered folder, certificates last; None if there are none."""
+    """Move files and folders of a case to a new numbered folder, certificates last; None if there are none.
+
+    They lose their folder `mesh`, by which people find results.
+    """
     entries = sorted(entries, key=lambda path: (path.name.endswith(_CERTIFICATE), path))
     if not entries:
         return None
     numbers = [int(path.name) for path in (folder / FOLDER).glob("*") if path.name.isdecimal()]
     target = folder / FOLDER / str(max(numbers, default=0) + 1)
+    target.mkdir(parents=True)
     for path in entries:
-        new = target / path.relative_to(folder)
-        new.parent.mkdir(parents=True, exist_ok=True)
-        path.rename(new)
+        path.rename(target / path.name)
     return target

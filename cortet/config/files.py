@@ -119,10 +119,20 @@ def _overlaid(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any
 _OF_A_UNION = re.compile(r"float$|int$|str$|(dict|list|constrained|literal)\b.*|\[key\]$")
 
 #: keys that cortet once had, and what took their place
-_GONE = dict.fromkeys(
-    ("biomarkers", "experiments.convergence", "experiments.prediction"),
-    "this study is in the folder studies/ of the repository",
-)
+_GONE = {
+    **dict.fromkeys(
+        ("biomarkers", "experiments.convergence", "experiments.prediction"),
+        "see the folder studies/ of the repository",
+    ),
+    **dict.fromkeys(
+        ("cohort.fields", "quality", "repair.method", "repair.spacing", "smooth_boundary.method"),
+        "CHANGELOG.md says what to use instead",
+    ),
+    **dict.fromkeys(
+        ("export.map", "export.label_shares", "export.field_units"),
+        "CHANGELOG.md says what to use instead",
+    ),
+}
 
 #: how pydantic begins most of its messages
 _WANTED = "Input should be "

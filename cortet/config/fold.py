@@ -46,6 +46,8 @@ Age = Annotated[float, Field(ge=FOLD_AGES[0], le=FOLD_AGES[1])]
 #: growth per week from 22 weeks on, or growth since then at ages: {22: 0, 30: 0.3, 38: 0.8}
 Amount = Annotated[float, Field(ge=-1e4, le=1e4, allow_inf_nan=False)]
 AtAges = Annotated[dict[Age, Positive], Field(min_length=1)]
+#: weeks between two rows or frames: below, a fold would write without end
+Interval = Annotated[float, Field(ge=1e-3, allow_inf_nan=False)]
 #: relaxation time, weeks, or at ages
 Time = Annotated[Positive | AtAges | Literal["elastic"], AfterValidator(_not_below_a_step)]
 ByAge = Amount | Annotated[dict[Age, Amount], Field(min_length=1)]
@@ -79,7 +81,7 @@ class Fold(Section):
     thickness_rate: ByAge | None = None
     """growing: change of the stress-free thickness of the cortex relative to 22 weeks, per week or at ages. null: the
     default of the model."""
-    volume: dict[Age, Positive] | None = None
+    volume: AtAges | None = None
     """growing: volume of the brain at ages, {22: 20, 34: 79}; only ratios matter. The core grows so that the brain
     follows it. null: a law fitted to healthy hemispheres of 22 to 42 weeks."""
     start: Literal["stressed", "free"] = "stressed"
@@ -89,7 +91,7 @@ class Fold(Section):
     envelope: bool | None = None
     """growing (null: true): whether an envelope, as soft as a membrane with fluid behind it, holds the gyral crowns. It
     is the convex hull at the start, grown as `hull` states."""
-    hull: dict[Age, Positive] | None = None
+    hull: AtAges | None = None
     """growing: volume of the convex hull at ages, {22: 25, 34: 106}; only ratios matter. null: a law fitted to healthy
     hemispheres of 22 to 40 weeks."""
     core_regions: dict[int | str, ByAge] = {}
@@ -123,9 +125,9 @@ class Fold(Section):
     reference: bool = False
     """braingrowth: true takes centre, mask, medial plane, start of growth and lag from the reference implementation,
     for comparison."""
-    record_interval: Positive = 0.1
+    record_interval: Interval = 0.1
     """Weeks between two rows of the table of a fold."""
-    frame_interval: Positive = 1.0
+    frame_interval: Interval = 1.0
     """Weeks between two frames (.vtu) of a fold."""
     surfaces: list[Age] = []
     """Weeks at which the folded cortex is written on the vertices of the input surface, with maps of depth, curvature,

@@ -12,6 +12,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cortet.cohort.lock import NAME as LOCK
+from cortet.cohort.lock import hold
 from cortet.config.fold import Settings
 from cortet.errors import place_mm
 from cortet.folding.body import with_interface
@@ -119,6 +121,10 @@ def fold(
     mesh : mm, RAS coordinates; point data `growth` (0 to 1), `thickness` (mm) and `label` are used if present; if it
         has regions, the outer one is the cortex
     frames_at : further ages, weeks, that get a row and a frame, such as those of surfaces to compare with
+
+    Raises
+    ------
+    InputError : the mesh cannot be folded, or another fold is writing to the folder
     """
     mesh = with_interface(mesh)
     doubts = check_mesh(mesh, settings)
@@ -131,9 +137,22 @@ def fold(
     for sentence in [*described(run), *(f"warning: {doubt}" for doubt in doubts)]:
         say(sentence)
     frames_at = [*frames_at, *settings.surfaces]
-    journal = Journal(
-        folder, fingerprint(mesh, {**settings.model_dump(), "version": VERSION, "frames_at": [*frames_at]})
-    )
+    made_of = fingerprint(mesh, {**settings.model_dump(), "version": VERSION, "frames_at": frames_at})
+    with hold(folder):
+        try:
+            rows = _followed(run, Journal(folder, made_of), settings, progress, frames_at)
+            verdict = _verdict(*rows, tuple(doubts))
+            write_json(asdict(verdict), folder / VERDICT)
+            (folder / CHECKPOINT).unlink(missing_ok=True)
+        finally:
+            (folder / LOCK).unlink()
+    return verdict
+
+
+def _followed(
+    run: Run, journal: Journal, settings: Settings, progress: Progress | None, frames_at: Sequence[float]
+) -> tuple[Run, Moment, list[dict[str, Any]]]:
+    """Follow a run to its end: the run, its last moment, and the rows of its table."""
     moment = journal.resumed(run)
     stops = _stops(run, settings, frames_at)
     for stop in stops:
@@ -157,10 +176,7 @@ def fold(
         if last:
             break
         journal.save(run, moment)
-    verdict = _verdict(run, moment, journal.rows, tuple(doubts))
-    write_json(asdict(verdict), folder / VERDICT)
-    journal.checkpoint.unlink(missing_ok=True)
-    return verdict
+    return run, moment, journal.rows
 
 
 def _stops(run: Run, settings: Settings, frames_at: Sequence[float]) -> list[float]:

@@ -108,7 +108,8 @@ def _middles(rim: FloatArray, beyond: FloatArray) -> NDArray[np.int64]:
                 most = max(most, _bend(a, b, c, before), _bend(b, c, a, after))
                 if width == n - 1:
                     most = max(most, _bend(c, a, b, beyond[last]))
-                total = area[first, between] + area[between, last] + np.linalg.norm(np.cross(b - a, c - a)) / 2
+                normal = _normal(a, b, c)
+                total = area[first, between] + area[between, last] + np.sqrt(_dot(normal, normal)) / 2
                 if most < least or (most == least and total < smallest):
                     least, smallest = most, total
                     middle[first, last] = between
@@ -119,8 +120,25 @@ def _middles(rim: FloatArray, beyond: FloatArray) -> NDArray[np.int64]:
 @numba.njit(cache=True, error_model="numpy")
 def _bend(start: FloatArray, end: FloatArray, inner: FloatArray, outer: FloatArray) -> float:
     """Angle between the normals of two triangles at an edge, from 0, flat, to pi, folded; 0 for one without area."""
-    u, v = np.cross(end - start, inner - start), np.cross(outer - start, end - start)
-    return float(np.arctan2(np.linalg.norm(np.cross(u, v)), u @ v))
+    u, v = _normal(start, end, inner), _normal(start, outer, end)
+    across = _cross(u, v)
+    return float(np.arctan2(np.sqrt(_dot(across, across)), _dot(u, v)))
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _normal(a, b, c):  # type: ignore[no-untyped-def]
+    """The normal of a triangle, twice as long as its area; numbers alone, since arrays would take ten times as long."""
+    return _cross((b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2]))
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _cross(u, v):  # type: ignore[no-untyped-def]
+    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _dot(u, v):  # type: ignore[no-untyped-def]
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
 def _refined(points: FloatArray, around: IntArray, faces: list[_Face]) -> tuple[FloatArray, list[_Face]]:
@@ -175,10 +193,13 @@ def _flipped(points: FloatArray, faces: list[_Face], taken: set[_Edge]) -> list[
     return faces
 
 
+@numba.njit(cache=True, error_model="numpy")
 def _angle(points: FloatArray, start: int, at: int, end: int) -> float:
     """The angle of a triangle at one of its corners."""
-    u, v = points[start] - points[at], points[end] - points[at]
-    return float(np.arctan2(np.linalg.norm(np.cross(u, v)), u @ v))
+    a, b, c = points[start], points[at], points[end]
+    u, v = (a[0] - b[0], a[1] - b[1], a[2] - b[2]), (c[0] - b[0], c[1] - b[1], c[2] - b[2])
+    across = _cross(u, v)
+    return float(np.arctan2(np.sqrt(_dot(across, across)), _dot(u, v)))
 
 
 def _turns(face: Iterable[int]) -> list[_Face]:

@@ -122,7 +122,7 @@ class Study:
 
     def outdated(self, participant: str) -> Path:
         """The certificate of a case that moved aside."""
-        (certificate,) = self.outputs.glob(f"sub-{participant}/outdated/*/mesh/*_certificate.json")
+        (certificate,) = self.outputs.glob(f"sub-{participant}/outdated/*/*_certificate.json")
         return certificate
 
     def files(self, pattern: str) -> list[Path]:
