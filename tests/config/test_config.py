@@ -116,7 +116,7 @@ def test_a_program_that_is_called_and_missing_is_named_before_anything_runs(tmp_
         ({"setting": "paper"}, "setting = 'paper': Input should be 'default', 'folding', 'cgal' or 'published'"),
         ({"generate": {"cell_size": True}}, "generate.cell_size = True: true and false are not accepted here"),
         ({"generate": {"cell_size": [1.0, False]}}, "true and false"),
-        ({"biomarkers": {"seed": 1}}, "key biomarkers is gone: this study is in the folder studies/"),
+        ({"biomarkers": {"seed": 1}}, "key biomarkers is gone: see the folder studies/"),
         ({"fold": {"cases": True}}, "fold.cases = True: true and false"),
         ({"fold": {"core_relaxation": 0}}, "= 0: Input should be greater than 0, or a valid dictionary, or 'elastic'"),
         ({"fold": {"core_relaxation": 1e-6}}, "fold.core_relaxation = 1e-06: a time of 1e-06 weeks is below"),
