@@ -138,6 +138,7 @@ def fold(
         say(sentence)
     frames_at = [*frames_at, *settings.surfaces]
     made_of = fingerprint(mesh, {**settings.model_dump(), "version": VERSION, "frames_at": frames_at})
+    is_new = not folder.exists()
     with hold(folder):
         try:
             rows = _followed(run, Journal(folder, made_of), settings, progress, frames_at)
@@ -146,6 +147,8 @@ def fold(
             (folder / CHECKPOINT).unlink(missing_ok=True)
         finally:
             (folder / LOCK).unlink()
+            if is_new and not any(folder.iterdir()):  # the fold was refused
+                folder.rmdir()
     return verdict
 
 

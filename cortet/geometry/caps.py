@@ -34,7 +34,6 @@ def cap(points: FloatArray, faces: IntArray, rim: IntArray) -> tuple[FloatArray,
     ----------
     points, faces : a few rings of triangles around the hole, a manifold
     rim : vertices of the hole's rim, in the direction in which the triangles of the cap run
-
     """
     refined, made = _refined(points, faces, _triangulated(points, faces, rim))
     triangles = np.array(made, np.int32)
