@@ -88,7 +88,8 @@ def with_failures(plan: Plan, *, ended: bool = True) -> Plan:
     known: dict[Mesh, dict[str, Any]] = {}
     for mesh, certificate in plan.certificates().items():
         if state := _state(plan, mesh, certificate, by_case.get(mesh[0], [])):
-            kept = state["state"] == "failed" and certificate.exists()  # its surface is missing
+            # the surface of a case that failed is missing, else its results would be outdated
+            kept = state["state"] == "failed" and state["stage"] not in AFTER_CERTIFICATE and certificate.exists()
             last = {"earlier": str(certificate.parent)} if kept else earlier_results(plan, plan.cases[mesh[0]])
             known[mesh] = state | last
     return replace(plan, failures=known, failed=found)

@@ -125,11 +125,10 @@ _GONE = {
         "see the folder studies/ of the repository",
     ),
     **dict.fromkeys(
-        ("cohort.fields", "quality", "repair.method", "repair.spacing", "smooth_boundary.method"),
-        "CHANGELOG.md says what to use instead",
-    ),
-    **dict.fromkeys(
-        ("export.map", "export.label_shares", "export.field_units"),
+        (
+            *("cohort.fields", "quality", "repair.method", "repair.spacing", "smooth_boundary.method"),
+            *("export.map", "export.label_shares", "export.field_units"),
+        ),
         "CHANGELOG.md says what to use instead",
     ),
 }

@@ -141,8 +141,8 @@ def fold(
     is_new = not folder.exists()
     with hold(folder):
         try:
-            rows = _followed(run, Journal(folder, made_of), settings, progress, frames_at)
-            verdict = _verdict(*rows, tuple(doubts))
+            moment, rows = _followed(run, Journal(folder, made_of), settings, progress, frames_at)
+            verdict = _verdict(run, moment, rows, tuple(doubts))
             write_json(asdict(verdict), folder / VERDICT)
             (folder / CHECKPOINT).unlink(missing_ok=True)
         finally:
@@ -154,8 +154,8 @@ def fold(
 
 def _followed(
     run: Run, journal: Journal, settings: Settings, progress: Progress | None, frames_at: Sequence[float]
-) -> tuple[Run, Moment, list[dict[str, Any]]]:
-    """Follow a run to its end: the run, its last moment, and the rows of its table."""
+) -> tuple[Moment, list[dict[str, Any]]]:
+    """Follow a run to its end: its last moment, and the rows of its table."""
     moment = journal.resumed(run)
     stops = _stops(run, settings, frames_at)
     for stop in stops:
@@ -179,7 +179,7 @@ def _followed(
         if last:
             break
         journal.save(run, moment)
-    return run, moment, journal.rows
+    return moment, journal.rows
 
 
 def _stops(run: Run, settings: Settings, frames_at: Sequence[float]) -> list[float]:

@@ -119,9 +119,14 @@ def _middles(rim: FloatArray, beyond: FloatArray) -> NDArray[np.int64]:
 @numba.njit(cache=True, error_model="numpy")
 def _bend(start: FloatArray, end: FloatArray, inner: FloatArray, outer: FloatArray) -> float:
     """Angle between the normals of two triangles at an edge, from 0, flat, to pi, folded; 0 for one without area."""
-    u, v = _normal(start, end, inner), _normal(start, outer, end)
+    return _between(_normal(start, end, inner), _normal(start, outer, end))
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _between(u, v):  # type: ignore[no-untyped-def]
+    """The angle between two vectors."""
     across = _cross(u, v)
-    return float(np.arctan2(np.sqrt(_dot(across, across)), _dot(u, v)))
+    return np.arctan2(np.sqrt(_dot(across, across)), _dot(u, v))
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -196,9 +201,7 @@ def _flipped(points: FloatArray, faces: list[_Face], taken: set[_Edge]) -> list[
 def _angle(points: FloatArray, start: int, at: int, end: int) -> float:
     """The angle of a triangle at one of its corners."""
     a, b, c = points[start], points[at], points[end]
-    u, v = (a[0] - b[0], a[1] - b[1], a[2] - b[2]), (c[0] - b[0], c[1] - b[1], c[2] - b[2])
-    across = _cross(u, v)
-    return float(np.arctan2(np.sqrt(_dot(across, across)), _dot(u, v)))
+    return _between((a[0] - b[0], a[1] - b[1], a[2] - b[2]), (c[0] - b[0], c[1] - b[1], c[2] - b[2]))
 
 
 def _turns(face: Iterable[int]) -> list[_Face]:
