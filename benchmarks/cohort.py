@@ -42,10 +42,7 @@ SNAKEMAKE = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snake
 # --- planning --------------------------------------------------------------------------------------------------------
 
 #: jobs of a mesh by mesher, one of each rule
-RULES = (
-    *("gate", "smooth_surface", "generate", "transfer", "clean", "reconnect", "solver_ready"),
-    *("certify", "export", "case_page"),
-)
+RULES = (*("gate", "smooth_surface", "generate", "clean", "reconnect", "solver_ready", "export", "case_page"),)
 JOBS = {"cgal": (*RULES, "relocate"), "lattice": RULES}
 #: CPU seconds that Snakemake takes in each of the three jobs of SLURM that make a mesh, and in each stage in them
 JOB_SECONDS, STAGE_SECONDS = 4.0, 2.0

@@ -294,13 +294,14 @@ def cohort_page(plan: Plan) -> Results:
         return [plan.listed_on_page(), mapped, of_parts, [_limits(plan), plan.config.figures.journal]]
 
     def write() -> None:
-        from cortet.report.cohort_maps import write_maps
         from cortet.report.figures import cohort_figure, look, save
 
         with look(plan.config.figures.journal):
             save(cohort_figure(Path(tables["quality"][0]), **_limits(plan)), *figure)
             for hemi, files in maps.items():
                 if cases := plan.maps(hemi):
+                    from cortet.report.cohort_maps import write_maps  # loads VTK
+
                     write_maps(list(cases.items()), hemi, *files)
                 else:
                     _delete(files)

@@ -29,7 +29,7 @@ rule generate:
 
 
 rule transfer:
-    """S2: carry the fields of the surface to the nodes; on request write the mesh for openCARP and meshtool."""
+    """S2: carry the fields of the surface to the nodes, and write the mesh for openCARP and meshtool."""
     input:
         mesh=partial(PLAN.mesh_before, "transfer"),
         surface=PLAN.meshed_surface,
@@ -37,11 +37,7 @@ rule transfer:
         fields=PLAN.fields,
     output:
         **mesh_of("transfer"),
-        carp=(
-            intermediate(multiext(LAYOUT.mesh("Transferred", "tetmesh"), ".pts", ".elem", ".lon"))
-            if CONFIG.write_carp
-            else []
-        ),
+        carp=intermediate(multiext(LAYOUT.mesh("Transferred", "tetmesh"), ".pts", ".elem", ".lon")),
     log:
         LAYOUT.log("transfer", SHARED_MESH),
     benchmark:
@@ -160,13 +156,21 @@ rule snap:
 
 
 rule solver_ready:
-    """S5: order nodes and elements as solvers want them, and bring the fields of the surface along."""
+    """S5: order nodes and elements as solvers want them, bring the fields of the surface along, and certify the mesh.
+
+    A mesh that is not certified is a result, not a failure.
+    """
     input:
         mesh=partial(PLAN.mesh_before, "solver_ready"),
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_surfaces,
         fields=PLAN.fields,
+        source=PLAN.surface,
+        reports=lambda wildcards: list(PLAN.reports(wildcards).values())[:-1],  # the last one is its own
+        inner_repairs=partial(PLAN.inner_reports, "repair"),
+        inner_resamplings=partial(PLAN.inner_reports, "resample"),
     output:
+        certificate=LAYOUT.certificate,
         **mesh_of("solver_ready"),
     log:
         LAYOUT.log("solver_ready", MESH),
@@ -178,5 +182,12 @@ rule solver_ready:
     params:
         **stage_params("solver_ready"),
         names_of_fields=names_of("fields"),
+        limits=lambda wildcards: PLAN.setting(wildcards).certify.values(),
+        layers=CONFIG.export.layers,
+        version_of_certificate=version_of("measure.certify"),
+        line=derived(PLAN.recorded_line),
+        settings=PLAN.recorded_settings,
+        to_mm=PLAN.placement,
+        inner=names_of("inner"),
     script:
-        "../scripts/mesh_stage.py"
+        "../scripts/solver_ready.py"

@@ -1,36 +1,4 @@
-"""Certify, show, export."""
-
-
-rule certify:
-    """Verdict on the last mesh, with every number beside its limit."""
-    input:
-        mesh=LAYOUT.mesh("Solver"),
-        surface=PLAN.meshed_surface,
-        inner=PLAN.inner_surfaces,
-        source=PLAN.surface,
-        reports=lambda wildcards: list(PLAN.reports(wildcards).values()),
-        inner_repairs=partial(PLAN.inner_reports, "repair"),
-        inner_resamplings=partial(PLAN.inner_reports, "resample"),
-    output:
-        certificate=LAYOUT.certificate,
-    log:
-        LAYOUT.log("certify", MESH),
-    benchmark:
-        took("certify", MESH)
-    priority: 2
-    resources:
-        **asked("certify"),
-    params:
-        limits=lambda wildcards: PLAN.setting(wildcards).certify.values(),
-        layers=CONFIG.export.layers,
-        version=version_of("measure.certify"),
-        input_sha256=PLAN.input_sha256,
-        line=derived(PLAN.recorded_line),
-        settings=PLAN.recorded_settings,
-        to_mm=PLAN.placement,
-        inner=names_of("inner"),
-    script:
-        "../scripts/certify.py"
+"""Show, export."""
 
 
 rule case_page:

@@ -1,4 +1,4 @@
-"""One of the stages that make a mesh, S1 to S6."""
+"""One of the stages that make a mesh, but for the last one."""
 
 from dataclasses import asdict, replace
 

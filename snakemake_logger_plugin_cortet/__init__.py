@@ -1,8 +1,8 @@
-"""What a run says on a terminal: a line for each case that is done, and why others failed.
+"""What a run says on a terminal: a line for each mesh that is done, and why others failed.
 
 Snakemake tells a logger plugin of every job that starts, ends or fails; profiles/default names this one. A mesh is done
-with its certificate, a fold with its verdict. On a terminal the last line shows what is running now; elsewhere a line
-says so after a minute of silence. With `--verbose` all is as Snakemake says it.
+with its certificate, a fold with its verdict. On a terminal the last line shows what is running now. With `--verbose`
+all is as Snakemake says it.
 
 Snakemake loads every logger plugin before it reads a Snakefile. So this one imports nothing of cortet: a workflow would
 else run with the package that is installed, not with its own.
@@ -24,33 +24,24 @@ from typing import NamedTuple
 from snakemake_interface_logger_plugins.base import LogHandlerBase
 from snakemake_interface_logger_plugins.common import LogEvent
 
-#: rule after which a mesh is checked, and rule that folds it
-_LAST, _FOLD = "certify", "fold"
-#: rules after the certificate, `cortet.cohort.plan.AFTER_CERTIFICATE`: their mesh may be of an earlier run
-_AFTER = {
-    *("volumes", "export", "ten_nodes", "case_page", "case_maps", "fold", "fold_figures", "folded_surface"),
-}
-#: rules that refuse a mesh that is not certified
-_EXPORTS = ("export", "ten_nodes")
-#: exceptions of a failed job, of which our own line says why
+#: rule that certifies a mesh, rule that folds it, and rules that refuse it if it is not certified
+_LAST, _FOLD, _EXPORTS = "solver_ready", "fold", ("export", "ten_nodes")
+#: exception of a failed job, of which our own line says why
 _OF_JOBS = ("RuleException", "CalledProcessError")
-#: what Snakemake says when somebody stops it, of which there is no event; and the last line of the log of a job then
-_TERMINATING, _INTERRUPTED, _STOPPED = "Terminating processes on user request", "KeyboardInterrupt", "stopped by you"
 #: part of the name of what the timers of Snakemake's queue call
 _QUEUE = "JobScheduler"
 #: a live line is cut there, so that it stays one
 _WIDTH = 100
-#: seconds of silence after which a log file, which has no live line, gets one
-_SILENCE = 60.0
 
 
 class Job(NamedTuple):
-    """What is known of a job: its mesh in words, its case, when it began."""
+    """What is known of a job that runs."""
 
     rule: str
+    #: its mesh in words; empty for a job over all cases
     mesh: str
-    case: str
     output: Sequence[str]
+    #: when the first job on its mesh began, or for a fold its own
     began: float
 
 
@@ -59,21 +50,19 @@ class Progress:
     """How far a run has come, from the events of Snakemake."""
 
     clock: Callable[[], float] = time.monotonic
-    #: meshes that are made in this run, and the names of those that are done or failed
+    #: meshes that are made in this run, and how many are done
     meshes: int = 0
-    finished: set[str] = field(default_factory=set)
+    certified: int = 0
     #: jobs done and in all, and those that are running
     jobs: tuple[int, int] = (0, 0)
     running: dict[int, Job] = field(default_factory=dict)
-    #: case -> when its first job began; jobs over all cases have an empty name, here and below
+    #: case -> when its first job began
     starts: dict[str, float] = field(default_factory=dict)
-    #: cases with a job that failed, and meshes that are not certified: none of their files for solvers is made
-    failures: set[str] = field(default_factory=set)
+    #: meshes that are not certified: none of their files for solvers is made
     uncertified: set[str] = field(default_factory=set)
-    #: whether somebody has stopped the run
+    #: whether a job failed, and whether somebody has stopped the run
+    failed: bool = False
     stopped: bool = False
-    #: case -> how many jobs of each rule it has in a dry run
-    plan: defaultdict[str, Counter[str]] = field(default_factory=lambda: defaultdict(Counter))
 
     def planned(self, stats: Mapping[str, int]) -> str:
         """What will be done, from the number of jobs of each rule."""
@@ -82,17 +71,11 @@ class Progress:
         folds = f"{stats[_FOLD]} to fold, " if stats.get(_FOLD) else ""
         return f"{meshes}{folds}{self.jobs[1]} jobs"
 
-    def would_do(self) -> Iterator[str]:
-        """What would be done to each case, then over all of them."""
-        for case, jobs in sorted(self.plan.items(), key=lambda item: (not item[0], item[0])):
-            names = (rule if count == 1 else f"{rule} ({count})" for rule, count in jobs.items())
-            yield f"  {case or 'over all cases'}: {', '.join(names)}"
-
-    def started(self, job: int, rule: str, wildcards: Mapping[str, str], output: Sequence[str] = ()) -> None:
+    def started(self, number: int, rule: str, wildcards: Mapping[str, str], output: Sequence[str] = ()) -> None:
         """A job starts."""
-        case, now = wildcards.get("case", ""), self.clock()
-        self.starts.setdefault(case, now)
-        self.running[job] = Job(rule, mesh_name(wildcards), case, output, now)
+        now = self.clock()
+        first = self.starts.setdefault(wildcards.get("case", ""), now)
+        self.running[number] = Job(rule, mesh_name(wildcards), output, now if rule == _FOLD else first)
 
     def ended(self, number: int) -> str:
         """A job has ended well; the line of a mesh or a fold that is done with it, else nothing."""
@@ -101,54 +84,42 @@ class Progress:
             return ""
         record = json.loads(Path(job.output[0]).read_text(encoding="utf-8"))
         if job.rule == _FOLD:
-            index = f"gyrification index {record['gyrification_index_last']:.2f}"
-            return f"{self._counted(job)}  {record['reason']}; {index}, {self._minutes(job.began)}{self.left()}"
-        self.finished.add(job.mesh)
-        verdict, why = "certified", ""
+            told = f"{record['reason']}; gyrification index {record['gyrification_index_last']:.2f}"
+            return f"{job.mesh}  {told}, {self._minutes(job)}{self.left()}"
+        self.certified += record["certified"]
+        told, why = "certified", ""
         if not record["certified"]:
-            verdict, why = "not certified", f": {'; '.join(record['reasons'])}"
             self.uncertified.add(job.mesh)
+            told, why = "NOT certified", f": {'; '.join(record['reasons'])}"
         numbers = f"worst q {record['quality']['q']['max']:.3f}, {record['quality']['tets']:,} tetrahedra"
-        return f"{self._counted(job)}  {verdict}, {numbers}, {self._minutes(self.starts[job.case])}{self.left()}{why}"
+        count = f"{self.certified + len(self.uncertified):{len(str(self.meshes))}}/{self.meshes}"
+        return f"{count}  {job.mesh}  {told}, {numbers}, {self._minutes(job)}{self.left()}{why}"
 
-    def failed(self, number: int, log: str) -> str:
-        """The lines of a job that failed; nothing for one that was stopped, or whose lines were said."""
+    def failure(self, number: int, log: str) -> str:
+        """The line of a job that failed; nothing for one that was stopped, or whose line was said."""
         job, why = self.running.pop(number, None), reason(log)
-        self.stopped = self.stopped or why == _STOPPED
-        if job is None or self.stopped:
+        self.stopped = self.stopped or why is None
+        if job is None or self.stopped or (job.rule in _EXPORTS and job.mesh in self.uncertified):
             return ""
-        self.failures.add(job.case)
-        if job.rule in _EXPORTS and job.mesh in self.uncertified:
-            return ""
-        if job.rule not in _AFTER:
-            self.finished |= {job.mesh} - {""}
-        where = f"\n{' ' * len(self._counter())}more in {log}" if log else ""
-        return f"{self._counted(job)}  failed in {job.rule}: {why}{where}"
+        self.failed = True
+        return f"failed: {job.mesh or job.rule} in {job.rule}: {why}" + (f"\n  more in {log}" if log else "")
 
     def live(self) -> str:
         """What is running now."""
-        now = [f"{job.rule} {job.mesh}".strip() for job in self.running.values()]
         done, total = self.jobs
-        return f"{done}/{total} jobs{self.left()}  {', '.join(now)}"[:_WIDTH]
+        now = ", ".join(f"{job.rule} {job.mesh}".strip() for job in self.running.values())
+        return f"{done}/{total} jobs{self.left()}  {now}"[:_WIDTH]
 
     def left(self) -> str:
         """The time that is left, were all jobs alike; nothing before a tenth of them is done."""
         done, total = self.jobs
         if not self.starts or done < max(total / 10, 1) or done == total:
             return ""
-        seconds = (self.clock() - min(self.starts.values())) / done * (total - done)
-        if seconds < 30 and done > total / 2:  # the first jobs of a cohort are its shortest
-            return ", nearly done"
-        return f", about {seconds / 60:.0f} min left" if seconds > 90 else ", about a minute left"
+        minutes = (self.clock() - min(self.starts.values())) / done * (total - done) / 60
+        return f", about {minutes:.0f} min left" if minutes >= 1.5 else ", about a minute left"
 
-    def _minutes(self, began: float) -> str:
-        return f"{(self.clock() - began) / 60:.1f} min"
-
-    def _counter(self) -> str:
-        return f"{len(self.finished):{len(str(self.meshes))}}/{self.meshes}  " if self.meshes else ""
-
-    def _counted(self, job: Job) -> str:
-        return f"{self._counter()}{job.mesh or job.rule}"
+    def _minutes(self, job: Job) -> str:
+        return f"{(self.clock() - job.began) / 60:.1f} min"
 
 
 def mesh_name(wildcards: Mapping[str, str]) -> str:
@@ -160,16 +131,15 @@ def mesh_name(wildcards: Mapping[str, str]) -> str:
     return f"{case} ({', '.join(more)})" if case and more else case
 
 
-def reason(log: str) -> str:
-    """Why a job failed: the last words of its log."""
+def reason(log: str) -> str | None:
+    """Why a job failed: as it wrote beside its log; None if somebody stopped it."""
     try:
-        lines = Path(log).read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
+        story = json.loads(Path(log).with_suffix(".failure.json").read_text(encoding="utf-8"))
+        if Path(log).read_text(encoding="utf-8", errors="replace").endswith("KeyboardInterrupt\n"):
+            return None
+    except (OSError, ValueError):
         return "it left no log"
-    if lines[-1:] == [_INTERRUPTED]:
-        return _STOPPED
-    found = [line.partition(" ERROR ")[2] for line in lines if " ERROR " in line]
-    return found[-1] if found else "it was killed, or ended without a word"
+    return str(story.get("reason", "it was killed, or ended without a word"))
 
 
 def end_older_timers() -> None:
@@ -192,18 +162,19 @@ class LogHandler(LogHandlerBase):
     def __post_init__(self) -> None:
         Handler.__init__(self)  # the base class of Snakemake 9.0 leaves it out
         self.has_filter = self.has_formatter = not self.common_settings.verbose
-        self.stream, self.progress = sys.stdout, Progress()
-        self._live, self._last, self._said_at = self.stream.isatty(), "", self.progress.clock()
-        # what is said at the end; until a run starts, it may be the answer to an option of Snakemake
+        self.stream, self.progress, self._last = sys.stdout, Progress(), ""
+        #: what is said at the end; until a run starts, it may be the answer to an option of Snakemake
         self._at_end: list[str] = []
-        self._runs = self._is_over = False
+        self._runs = False
+        #: case -> how many jobs of each rule it has in a dry run
+        self._plan: defaultdict[str, Counter[str]] = defaultdict(Counter)
 
     def emit(self, record: LogRecord) -> None:
         """Say what an event means, if it means anything to a user."""
         try:
             for line in self._lines(record) if self.has_formatter else [self.format(record)]:
                 self._say(line)
-            if self._live and self.progress.running:
+            if self.stream.isatty() and self.progress.running:
                 self._show(self.progress.live())
         except Exception:  # a message must not end a run
             self.handleError(record)
@@ -212,10 +183,10 @@ class LogHandler(LogHandlerBase):
         """Say how it ended."""
         if self.progress.stopped:
             done, total = self.progress.jobs
-            self._at_end = [f"{_STOPPED} after {done} of {total} jobs; the same command goes on from there"]
-        self._show("")
+            self._at_end = [f"stopped by you after {done} of {total} jobs; the same command goes on from there"]
         for line in self._at_end:
             self._say(line)
+        self._show("")
         self.progress.stopped, self._at_end = False, []  # it is closed again
         super().close()
 
@@ -225,11 +196,15 @@ class LogHandler(LogHandlerBase):
         match known.get("event"):
             case LogEvent.WORKFLOW_STARTED:
                 self._runs, self._at_end = True, ["nothing to do: everything is up to date"]
-            case LogEvent.RUN_INFO:  # of a dry run before and after its jobs
+            case LogEvent.RUN_INFO if not self._plan:
                 self._at_end = []
-                yield from progress.would_do() if progress.plan else [progress.planned(known["stats"])]
+                yield progress.planned(known["stats"])
+            case LogEvent.RUN_INFO:  # of a dry run, once more after its jobs
+                for case, jobs in sorted(self._plan.items(), key=lambda item: (not item[0], item[0])):
+                    names = (rule if count == 1 else f"{rule} ({count})" for rule, count in jobs.items())
+                    yield f"  {case or 'over all cases'}: {', '.join(names)}"
             case LogEvent.JOB_INFO if self.common_settings.dryrun:
-                progress.plan[(known["wildcards"] or {}).get("case", "")][known["rule_name"]] += 1
+                self._plan[(known["wildcards"] or {}).get("case", "")][known["rule_name"]] += 1
             case LogEvent.JOB_INFO:
                 wildcards = dict(known["wildcards"] or {})
                 progress.started(known["jobid"], known["rule_name"], wildcards, list(known["output"]))
@@ -237,38 +212,25 @@ class LogHandler(LogHandlerBase):
                 end_older_timers()
                 yield progress.ended(known["job_id"])
             case LogEvent.JOB_ERROR:
-                yield progress.failed(known["jobid"], next(iter(known["log"] or []), ""))
+                yield progress.failure(known["jobid"], next(iter(known["log"] or []), ""))
             case LogEvent.PROGRESS:
                 progress.jobs = (known["done"], known["total"])
-                if not self._live and progress.clock() - self._said_at > _SILENCE:
-                    yield progress.live()
             case LogEvent.ERROR | None if record.levelno >= ERROR:
-                if not self._repeats(known.get("exception")):
+                # once jobs have failed, further errors count them, and a WorkflowError ends the run
+                of_the_end = (None, "WorkflowError") if progress.failed or progress.stopped else ()
+                if known.get("exception") not in (*_OF_JOBS, *of_the_end):
                     self._at_end = []
                     yield record.getMessage()
             case None if record.levelno == WARNING:
                 yield record.getMessage()
             case None if not self._runs and record.levelno == INFO:
                 self._at_end.append(record.getMessage())
-            case None:
-                progress.stopped = progress.stopped or record.getMessage().startswith(_TERMINATING)
-
-    def _repeats(self, exception: str | None) -> bool:
-        """Whether an error says again what the lines on failed jobs have said, or that the run was stopped.
-
-        When all jobs are over and some have failed, errors of no exception count them, of Snakemake and then of the
-        workflow; after them comes a `WorkflowError`.
-        """
-        if self.progress.stopped or (self.progress.failures and exception is None):
-            self._is_over = True
-        return exception in _OF_JOBS or (self._is_over and exception in (None, "WorkflowError"))
 
     def _say(self, line: str) -> None:
         if line:
             self._show("")
             self.stream.write(f"{line}\n")
             self.stream.flush()
-            self._said_at = self.progress.clock()
 
     def _show(self, line: str) -> None:
         """Replace the last line of a terminal."""

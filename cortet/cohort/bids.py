@@ -203,9 +203,10 @@ def descriptions(settings: Mapping[str, Config]) -> dict[str, str]:
     own = settings[""]
     meshers = dict.fromkeys([*own.generate.meshers, *own.experiments.ablation.meshers])
     for (name, setting), mesher, stage in product(settings.items(), meshers, MESH_STAGES.values()):
-        if setting.enabled(stage.name) and not (name and stage.shared_by_settings):
-            how = f"mesher {mesher}" + (f", setting {setting.setting}" if name else "")
-            found[f"{mesher}{name}{stage.label}"] = f"{_sentence(stage.does)} ({how})"
+        if setting.enabled(stage.name):
+            apart = "" if stage.shared_by_settings else name
+            how = f"mesher {mesher}" + (f", setting {setting.setting}" if apart else "")
+            found[f"{mesher}{apart}{stage.label}"] = f"{_sentence(stage.does)} ({how})"
     return found
 
 

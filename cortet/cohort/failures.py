@@ -25,7 +25,6 @@ from cortet.stages import STAGES
 ORDER = (
     *("phantom", "phantom_inner", "fields"),
     *(f"{name}{of}" for name, stage in STAGES.items() for of in ("", "_inner") if of == "" or stage.gives == "surface"),
-    "certify",
     *AFTER_CERTIFICATE,
 )
 #: why a mesh is unfinished although its case has one
@@ -123,8 +122,8 @@ def made_otherwise(plan: Plan) -> dict[str, int]:
 
 
 def _rule_of(stage: str) -> str:
-    """The rule of a stage: the job `gate` repairs, too."""
-    return "gate" if stage == "repair" else stage
+    """The rule of a stage: the first repairs, too, and the last certifies."""
+    return {"repair": "gate", "certify": "solver_ready"}.get(stage, stage)
 
 
 def _counts(plan: Plan, job: Mapping[str, str], certificate: Path, failure: Failure) -> bool:

@@ -52,11 +52,10 @@ COSTS = {
     "reconnect": Cost((240, 420), (4, 9)),
     "smooth_boundary": Cost((400, 430), (4, 10)),
     "snap": Cost((400, 430), (4, 10)),
-    "solver_ready": Cost((240, 180), (3, 2)),
+    "solver_ready": Cost((250, 450), (4, 5)),  # certifies, too
     "phantom": Cost((400, 0), (4, 0)),
     "fields": Cost((700, 0), (15, 0)),
     "phantom_inner": Cost((600, 0), (15, 0)),
-    "certify": Cost((250, 420), (3, 3)),
     "case_page": Cost((560, 120), (5, 3)),
     "case_maps": Cost((250, 420), (5, 3)),
     "volumes": Cost((1500, 900), (20, 70)),

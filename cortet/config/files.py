@@ -131,6 +131,7 @@ _GONE = {
         ),
         "CHANGELOG.md says what to use instead",
     ),
+    "write_carp": "transfer.enabled: true writes these files",
 }
 
 #: how pydantic begins most of its messages

@@ -46,9 +46,6 @@ class Config(Section):
     """false deletes the mesh of every stage except the last once no later stage needs it. That saves 40 % of the disk,
     but a changed parameter of any stage then reruns all stages from S1. `snakemake --delete-temp-output` deletes the
     intermediate meshes of earlier runs."""
-    write_carp: bool = False
-    """true also writes the mesh of S2 as CARP files (.pts, .elem, .lon; um), as the published chain does. For CARP
-    files of the final mesh, use `export.formats: [carp]`."""
     time_limit: Positive | None = 1440.0
     """Longest run time of a job, minutes. A job that takes longer is stopped and its case fails. null: no limit."""
     cohort: Cohort = Cohort()

@@ -33,6 +33,7 @@ PUBLISHED: dict[str, dict[str, Any]] = {
         "max_displacement": 0.25,
     },
     "generate": {"meshers": ["cgal"], "facet_distance": [0.5], "fallback": None},
+    "transfer": {"enabled": True},
     "relocate": {"enabled": True, "boundary": "free"},
     "clean": {"boundary": "free", "improve_mean": False},
     "reconnect": {"enabled": False},

@@ -183,8 +183,11 @@ class Generate(Section):
 
 
 class Transfer(Section):
-    """S2, and again before S5: transfer of the fields of the surface to the nodes of the mesh."""
+    """Transfer of the fields of the surface to the nodes of the mesh: in S5, and on request before S3, as S2."""
 
+    enabled: bool = False
+    """true also runs S2, which writes its mesh as CARP files, too (.pts, .elem, .lon; um). Nodes move afterwards, so S5
+    transfers all fields again. For CARP files of the final mesh, use `export.formats: [carp]`."""
     interior: Interior = "nearest"
     """Values of interior nodes: nearest copies the nearest boundary node, harmonic solves Laplace's equation. Labels
     are always copied from the nearest boundary node."""

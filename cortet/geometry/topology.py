@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import coo_array, coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
 from cortet.geometry.counting import behind_faces
@@ -204,8 +204,11 @@ def incidence(cells: IntArray, vertex_count: int) -> Incidence:
 def edges(simplices: IntArray) -> IntArray:
     """Unique edges of triangles or tetrahedra: (e, 2) int32, lower index first, sorted."""
     local = TRI_EDGES if simplices.shape[1] == 3 else TET_EDGES
-    pairs = np.sort(simplices[:, local].reshape(-1, 2), axis=1)
-    return pairs[np.unique(packed(pairs), return_index=True)[1]]
+    ends = simplices[:, local].reshape(-1, 2)
+    size = int(simplices.max(initial=0)) + 1
+    every = coo_array((np.ones(len(ends), np.int8), (ends.min(axis=1), ends.max(axis=1))), shape=(size, size))
+    found = every.tocsr().tocoo()  # each once, in order
+    return np.column_stack([found.row, found.col]).astype(np.int32)
 
 
 def components(simplices: IntArray) -> int:

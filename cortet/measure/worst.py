@@ -14,8 +14,9 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
 
-from cortet.geometry.topology import TET_EDGES, boundary_faces, boundary_nodes, edges, packed, vertex_normals
+from cortet.geometry.topology import TET_EDGES, boundary_faces, boundary_nodes, edges, vertex_normals
 from cortet.measure.quality import dihedral_angles, opening_bound, quality
 from cortet.meshes import FloatArray, TetMesh
 
@@ -29,10 +30,10 @@ _CLEAN_MORE = "add a lower value to `clean.thresholds`"
 class Fans(NamedTuple):
     """The tetrahedra around each of e edges."""
 
-    #: (m, 6) int64, index of each edge of each tetrahedron, in the order of `topology.TET_EDGES`
-    of_cell: NDArray[np.int64]
-    #: (e,) int64, number of tetrahedra around it
-    valence: NDArray[np.int64]
+    #: (m, 6) int32, index of each edge of each tetrahedron, in the order of `topology.TET_EDGES`
+    of_cell: NDArray[np.int32]
+    #: (e,) int32, number of tetrahedra around it
+    valence: NDArray[np.int32]
     #: (e,) bool, whether the edge lies on the boundary
     on_boundary: NDArray[np.bool_]
     #: (e,) float64 degrees: 360 inside the mesh, the interior angle of the boundary at a boundary edge
@@ -73,13 +74,15 @@ class WorstElement:
 
 def fans(mesh: TetMesh) -> Fans:
     """Valence and opening angle of every edge."""
-    # packed in one call: keys of two calls cannot be compared
-    pairs = np.concatenate([mesh.cells[:, TET_EDGES].reshape(-1, 2), edges(boundary_faces(mesh))])
-    edge = np.unique(packed(pairs), return_inverse=True)[1]
-    of_cell, outer = edge[: 6 * len(mesh.cells)].reshape(-1, 6), edge[6 * len(mesh.cells) :]
-    valence = np.bincount(of_cell.ravel())
+    ends = mesh.cells[:, TET_EDGES].reshape(-1, 2)
+    low, high = ends.min(axis=1), ends.max(axis=1)
+    every = coo_array((np.ones(len(ends), np.int32), (low, high)), shape=2 * (len(mesh.points),))
+    numbered = every.tocsr()  # which adds up equal entries
+    valence = numbered.data
+    numbered.data = np.arange(len(valence), dtype=np.int32)
+    of_cell = numbered[low, high].reshape(-1, 6)
     on_boundary = np.zeros(len(valence), bool)
-    on_boundary[outer] = True
+    on_boundary[numbered[*edges(boundary_faces(mesh)).T]] = True
     touching = on_boundary[of_cell].any(axis=1)
     angles = dihedral_angles(mesh.points, mesh.cells[touching])
     summed = np.bincount(of_cell[touching].ravel(), angles.ravel(), minlength=len(valence))

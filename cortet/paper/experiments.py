@@ -159,7 +159,7 @@ class Experiments:
                 new: dict[str, Any] = {"name": name, "age": case.scan_age, "meshes": {}, "certificates": {}}
                 brain = brains.setdefault(key, new)
                 brain["meshes"][case.hemi or "n/a"] = mesh
-                if not self._why(certificate, "certify", place):
+                if not self._why(certificate, "solver_ready", place):
                     brain["certificates"][case.hemi or "n/a"] = certificate
         return sorted(
             brains.values(), key=lambda one: (one["age"] is None, one["age"] or 0, list(one["meshes"].values()))
@@ -202,8 +202,7 @@ class Experiments:
         """Why a record is missing."""
         case, res = self.plan.cases[origin.case], round(1000 * origin.cell_size_mm)
         named = {str(setting.setting): name for name, setting in self.plan.settings.items()}
-        rule = "certify" if path.endswith("certificate.json") else _RULES[origin.stage]
-        return self._why(path, rule, (case, res, origin.mesher), named.get(str(origin.setting), ""))
+        return self._why(path, _RULES[origin.stage], (case, res, origin.mesher), named.get(str(origin.setting), ""))
 
     def _why(self, path: str, rule: str, mesh: OfCase, setting: str = "") -> str | None:
         case, res, mesher = mesh

@@ -34,7 +34,7 @@ class Stage:
     #: what its function takes before its settings
     takes: tuple[Literal["surface", "sphere", "mesh"], ...]
     gives: Literal["surface", "mesh"]
-    #: section of the configuration, if that has not its own name
+    #: section of the configuration, if that has not its own name; the stage then runs even if the section is off
     section: str = ""
     #: keyword arguments of its function that differ from mesh to mesh and are in no section
     facts: tuple[str, ...] = ()
@@ -179,7 +179,7 @@ LINE = (
         takes=("mesh", "surface"),
         gives="mesh",
         number="S5",
-        section="transfer",  # it carries the fields onto the final positions as S2 did
+        section="transfer",  # it carries the fields onto the final positions, as S2 onto the first ones
     ),
 )
 STAGES = {stage.name: stage for stage in LINE}
@@ -198,7 +198,7 @@ def stages_of(config: Config, *, nested: bool = False, registered: bool = False,
     return [
         stage
         for stage in LINE
-        if stage.section_of(config).runs(aged=aged)
+        if (stage.section or stage.section_of(config).runs(aged=aged))
         and (nested or not stage.nested)
         and (registered or "sphere" not in stage.takes)
     ]

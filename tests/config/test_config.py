@@ -103,7 +103,7 @@ def test_a_program_that_is_called_and_missing_is_named_before_anything_runs(tmp_
         ({"clean": {"treshold": [0.5]}}, "unknown key clean.treshold; did you mean clean.thresholds?"),
         ({"clena": {}}, "unknown key clena; did you mean clean?"),
         ({"q_max": 0.6}, "unknown key q_max; did you mean"),
-        ({"xyzzy": 1}, "unknown key xyzzy; known here: setting, output, keep_intermediates, write_carp, time_limit"),
+        ({"xyzzy": 1}, "unknown key xyzzy; known here: setting, output, keep_intermediates, time_limit"),
         ({"generate": {"cell_size": -1}}, "generate.cell_size = -1: Input should be greater than 0"),
         ({"generate": {"cell_size": 0.00051}}, "multiple of 0.001 mm"),
         ({"generate": {"cell_size": 1e308}}, "multiple of 0.001 mm"),

@@ -15,8 +15,10 @@ from typing import Any
 import pytest
 from snakemake_interface_logger_plugins.common import LogEvent
 
-from cortet.cohort.plan import AFTER_CERTIFICATE
-from snakemake_logger_plugin_cortet import _AFTER, LogHandler, Progress, end_older_timers, reason
+from cortet.cohort.status import began as writes_that_it_began
+from cortet.cohort.status import write_failure
+from cortet.errors import InputError
+from snakemake_logger_plugin_cortet import LogHandler, Progress, end_older_timers
 
 ROOT = Path(__file__).parents[2]
 WILDCARDS = {"case": "sub-01_hemi-L", "res": "0600", "mesher": "lattice", "setting": ""}
@@ -35,7 +37,7 @@ def progress(meshes: int = 1, jobs: int = 10) -> tuple[Progress, list[float]]:
     """Progress of a planned run, and its clock."""
     now = [0.0]
     run = Progress(clock=lambda: now[0])
-    run.planned({"certify": meshes, "total": jobs})
+    run.planned({"solver_ready": meshes, "total": jobs})
     return run, now
 
 
@@ -54,42 +56,36 @@ def test_a_mesh_is_one_line_with_its_verdict(tmp_path, certified, said):
     run.started(1, "repair", WILDCARDS)
     now[0] = 60.0
     assert not run.ended(1)
-    run.started(2, "certify", WILDCARDS, [str(certificate(tmp_path, certified))])
+    run.started(2, "solver_ready", WILDCARDS, [str(certificate(tmp_path, certified))])
     now[0] = 90.0
     ended = run.ended(2)
     assert ended.startswith(f"1/1  {MESH}  ") and ended.endswith(said)
     run.started(3, "export", WILDCARDS)
-    told = run.failed(3, str(tmp_path / "export.log"))
-    if certified:
-        assert told.startswith(f"1/1  {MESH}  failed in export"), "the mesh is not counted again"
-    else:
-        assert told == "", "that it is not exported follows"
+    told = run.failure(3, str(tmp_path / "export.log"))
+    assert told.startswith(f"failed: {MESH} in export") if certified else told == "", "that it is not exported follows"
 
 
 def test_a_fold_is_one_line_with_its_verdict(tmp_path):
     verdict = tmp_path / "verdict.json"
     verdict.write_text(json.dumps({"reason": "folded from 22 to 34 weeks", "gyrification_index_last": 1.2451}))
     run, now = progress()
-    assert run.planned({"certify": 2, "fold": 3, "total": 40}) == "2 meshes to make, 3 to fold, 40 jobs"
+    assert run.planned({"solver_ready": 2, "fold": 3, "total": 40}) == "2 meshes to make, 3 to fold, 40 jobs"
     run.started(7, "fold", {**WILDCARDS, "variant": "Thin"}, [str(verdict)])
     now[0] = 120.0
     fold = "sub-01_hemi-L (0.6 mm, Thin)"
-    assert run.ended(7) == f"0/2  {fold}  folded from 22 to 34 weeks; gyrification index 1.25, 2.0 min"
+    assert run.ended(7) == f"{fold}  folded from 22 to 34 weeks; gyrification index 1.25, 2.0 min"
 
 
 def test_a_job_that_failed_names_its_rule_its_reason_and_its_log(tmp_path):
     log = tmp_path / "repair.log"
-    log.write_text("12:00 INFO begins\n12:01 ERROR x.surf.gii: truncated\n")
-    run, _ = progress(meshes=12)
-    run.started(1, "repair", WILDCARDS)
-    assert run.failed(1, str(log)) == f" 1/12  {MESH}  failed in repair: x.surf.gii: truncated\n       more in {log}"
-    assert run.failures == {"sub-01_hemi-L"}
+    log.write_text("12:00 INFO begins\n")
+    writes_that_it_began(log, "repair", WILDCARDS)
     run, _ = progress()
-    run.started(1, "export", WILDCARDS)
-    assert run.failed(1, "").startswith(f"0/1  {MESH}  failed in export"), "its mesh is of an earlier run"
-    assert set(AFTER_CERTIFICATE) == _AFTER  # which the plugin cannot import
-    log.write_text("begins\n")
-    assert "killed" in reason(str(log)) and "no log" in reason(str(tmp_path / "gone.log"))
+    run.started(1, "repair", WILDCARDS)
+    assert "killed" in run.failure(1, str(log))
+    write_failure(log, "repair", WILDCARDS, InputError("truncated", file="x.surf.gii"))
+    run.started(2, "repair", WILDCARDS)
+    assert run.failure(2, str(log)) == f"failed: {MESH} in repair: x.surf.gii: truncated\n  more in {log}"
 
 
 # --- what Snakemake says
@@ -127,12 +123,12 @@ def failed(log: str = "x.log", jobid: int = 1) -> dict[str, Any]:
 
 STARTED = {"event": LogEvent.WORKFLOW_STARTED}
 GAVE_UP = error("jobs failed", event=LogEvent.ERROR, exception="WorkflowError")
-FAILED = [f"1/1  {MESH}  failed in repair: it left no log", "     more in x.log"]
+FAILED = [f"failed: {MESH} in repair: it left no log", "  more in x.log"]
 #: records of Snakemake, and the lines that they become
 SAID: dict[str, tuple[list[dict[str, Any]], list[str]]] = {
     "errors are said once": (
         [
-            planned(certify=1, total=3),
+            planned(solver_ready=1, total=3),
             began(),
             error("long words", event=LogEvent.ERROR, exception="RuleException"),
             failed(),
@@ -145,11 +141,10 @@ SAID: dict[str, tuple[list[dict[str, Any]], list[str]]] = {
     ),
     "a run that is stopped has no failures": (
         [
-            planned(certify=1, total=3),
+            planned(solver_ready=1, total=3),
             began(),
             {"event": LogEvent.PROGRESS, "done": 1, "total": 3},
             failed("stopped.log"),
-            info("Terminating processes on user request, this might take some time."),
             failed(jobid=2),
             GAVE_UP,
         ],
@@ -167,7 +162,7 @@ SAID: dict[str, tuple[list[dict[str, Any]], list[str]]] = {
         ["no wildcards"],
     ),
     "another error after a failure": (
-        [planned(certify=1, total=3), began(), failed(), error("no memory", event=LogEvent.ERROR, exception="X")],
+        [planned(solver_ready=1, total=3), began(), failed(), error("no memory", event=LogEvent.ERROR, exception="X")],
         ["1 mesh to make, 3 jobs", *FAILED, "no memory"],
     ),
     "nothing to do": (
@@ -191,6 +186,7 @@ SAID: dict[str, tuple[list[dict[str, Any]], list[str]]] = {
 def test_records_become_lines(case, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("stopped.log").write_text("Traceback (most recent call last):\nKeyboardInterrupt\n")
+    writes_that_it_began(Path("stopped.log"), "repair", WILDCARDS)
     records, lines = SAID[case]
     to = handler()
     for record in records:
@@ -203,29 +199,15 @@ def test_records_become_lines(case, tmp_path, monkeypatch, capsys):
 def test_a_dry_run_names_what_would_be_done_to_each_case(capsys):
     to = handler(dryrun=True)
     jobs = (("repair", {"case": "b"}), ("export", {"case": "a"}), ("export", {"case": "a"}), ("all", None))
-    for record in (planned(certify=2, total=5), *(began(*job) for job in jobs), planned(certify=2, total=5)):
+    for record in (planned(solver_ready=2, total=5), *(began(*job) for job in jobs), planned(solver_ready=2, total=5)):
         emit(to, **record)
     lines = ["2 meshes to make, 5 jobs", "  a: export (2)", "  b: repair", "  over all cases: all"]
     assert capsys.readouterr().out.splitlines() == lines
 
 
-def test_a_log_file_says_what_is_running_after_a_minute_of_silence(capsys):
-    to, now = handler(), [0.0]
-    to.progress.clock = lambda: now[0]
-    emit(to, **planned(total=40))
-    emit(to, **began("baseline"))
-    for now[0], done in ((50.0, 10), (61.0, 11), (100.0, 12), (122.0, 20)):
-        emit(to, event=LogEvent.PROGRESS, done=done, total=40)
-    assert capsys.readouterr().out.splitlines() == [
-        "40 jobs",
-        f"11/40 jobs, about 3 min left  baseline {MESH}",
-        f"20/40 jobs, about 2 min left  baseline {MESH}",
-    ]
-
-
 def test_a_record_that_cannot_be_read_does_not_end_the_run(capsys):
     to = handler()
-    emit(to, **{**began("certify"), "output": ["nosuch.json"]})
+    emit(to, **{**began("solver_ready"), "output": ["nosuch.json"]})
     emit(to, event=LogEvent.JOB_FINISHED, job_id=1)
     assert "nosuch.json" in capsys.readouterr().err
 

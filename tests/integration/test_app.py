@@ -104,7 +104,7 @@ def test_participants_then_the_group_with_the_conventional_words(installed, data
 
     plan = run(installed, "bids", "out", "--dry-run", cwd=tmp_path).stdout.splitlines()
     assert "  sub-02_hemi-L  27 weeks  bids/sub-02/anat/sub-02_hemi-L_white.surf.gii" in plan
-    assert any(re.fullmatch("  sub-02_hemi-L: gate, .*, certify, .*export.*", line) for line in plan)
+    assert any(re.fullmatch("  sub-02_hemi-L: gate, .*, solver_ready, .*export.*", line) for line in plan)
     assert not any(line.startswith("  sub-01_ses-a_hemi-L: ") for line in plan), "it is up to date"
     assert any(re.match("  over all cases: .*, cohort_page", line) for line in plan)
 
@@ -120,7 +120,7 @@ def test_participants_then_the_group_with_the_conventional_words(installed, data
     all_of_them = run(installed, "bids", "out", "participant", "group", "--formats", "vtu,inp", cwd=tmp_path)
     assert all_of_them.returncode == 1
     lines = all_of_them.stdout.splitlines()
-    assert any(re.match("[12]/2  sub-02_hemi-L  failed in gate: ", line) for line in lines), "a line per case"
+    assert any(line.startswith("failed: sub-02_hemi-L in gate: ") for line in lines), "a line per case"
     assert lines[-1].startswith("3 cases: 2 certified, 1 failed; open out/cohort/index.html; ") and len(lines) < 12
     assert {path: path.stat().st_mtime_ns for path in before} == before, "what was done is not done again"
     assert len(list(out.rglob("*Solver_tetmesh.inp"))) == 2

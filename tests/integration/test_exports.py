@@ -36,7 +36,7 @@ def test_every_format_holds_the_fields_of_the_case_and_says_where_they_came_from
     keys = nib.gifti.GiftiDataArray((height > -8).astype(np.int32), "NIFTI_INTENT_LABEL")
     nib.save(nib.gifti.GiftiImage(labeltable=table, darrays=[keys]), label)
     study.write_cases([replace(case, fields={"area": label})])
-    study.config["write_carp"] = True
+    study.config["transfer"] = {"enabled": True}
     study.config["export"] = {
         "formats": list(EXPORTS.values()),
         "ten_nodes": ["abaqus", "vtu"],

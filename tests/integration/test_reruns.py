@@ -22,8 +22,8 @@ from tests.integration.study import ROOT, STATUS, Study, scaled, surface, twice
 from tests.integration.test_faults import sabotaged, wait_for
 
 COHORT = {("cohort_tables", "-"), ("cohort_page", "-")}
-FROM_CLEAN = {"clean", "reconnect", "solver_ready", "certify", "case_page", "export"}
-FROM_GATE = {"gate", "smooth_surface", "generate", "transfer"} | FROM_CLEAN
+FROM_CLEAN = {"clean", "reconnect", "solver_ready", "case_page", "export"}
+FROM_GATE = {"gate", "smooth_surface", "generate"} | FROM_CLEAN
 
 
 def jobs(rules: set[str], *participants: str) -> set[tuple[str, str]]:
@@ -75,7 +75,7 @@ def test_a_case_whose_mesh_has_another_cell_size_says_so(study):
 
 
 @pytest.mark.parametrize(
-    ("deleted", "rule"), [("certificate.json", "certify"), ("tetmesh.vtu", "solver_ready"), ("sets.vtu", "export")]
+    ("deleted", "rule"), [("certificate.json", "solver_ready"), ("tetmesh.vtu", "solver_ready"), ("sets.vtu", "export")]
 )
 def test_a_result_that_was_deleted_is_made_again_even_for_the_tables_alone(study, deleted, rule):
     (file,) = study.files(f"sub-a*Solver_{deleted}")
@@ -225,7 +225,7 @@ def test_an_uncertified_mesh_is_measured_but_not_exported(study):
     study.write_cases(study.cases()[:1])
     study.config["certify"] = {"q_max": 0.01}
     ran = study.jobs_of_run(succeeds=False)
-    assert ran == jobs({"certify", "case_page", "export"}, "a")
+    assert ran == jobs({"solver_ready", "case_page", "export"}, "a")
     assert [row["state"] for row in study.status().values()] == ["uncertified"]
     assert "worst q" in study.status()["sub-a_hemi-L"]["reason"]
     assert not study.files("sub-a*_sets.vtu")
@@ -253,13 +253,13 @@ def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study, killed)
     run = subprocess.Popen(
         study.command(STATUS),
         cwd=study.folder,
-        env=sabotaged(study, **{what: [("certify", "sub-a")]}),
+        env=sabotaged(study, **{what: [("solver_ready", "sub-a")]}),
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         start_new_session=True,
     )
     if killed == "everything":
-        wait_for(study.folder / f"sabotage/wait-certify-{certificate.name}", run)
+        wait_for(study.folder / f"sabotage/wait-solver_ready-{certificate.name}", run)
         os.killpg(run.pid, signal.SIGKILL)
     assert run.wait() != 0
     assert not certificate.exists()
@@ -268,7 +268,7 @@ def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study, killed)
         assert row["state"] == "unfinished"
         assert study.run("--unlock").returncode == 0
     else:
-        assert (row["stage"], row["state"]) == ("certify", "failed") and "killed" in row["reason"]
+        assert (row["stage"], row["state"]) == ("solver_ready", "failed") and "killed" in row["reason"]
     assert study.jobs_of_run(STATUS)
     assert {row["state"] for row in study.status().values()} == {"certified"}
     hidden = {path.name for path in study.files(".*")}

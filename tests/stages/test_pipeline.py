@@ -46,16 +46,16 @@ def made(ball: TriSurface, file: Path) -> tuple[TetMesh, Certificate, list[str]]
 
 
 def test_the_line_has_the_stages_that_the_configuration_enables():
-    line = ["repair", "gate", "smooth_surface", "generate", "transfer", "clean", "reconnect", "solver_ready"]
+    line = ["repair", "gate", "smooth_surface", "generate", "clean", "reconnect", "solver_ready"]
     assert stages(Config(), gestational_age=28.0) == line
-    assert stages(load({"setting": "cgal"}), gestational_age=28.0) == [*line[:5], "relocate", *line[5:]]
+    assert stages(load({"setting": "cgal"}), gestational_age=28.0) == [*line[:4], "relocate", *line[4:]]
     assert stages(Config(), gestational_age=None) == line
     by_age = load({"smooth_surface": {"method": "published"}})
     assert stages(by_age, gestational_age=None) == [stage for stage in line if stage != "smooth_surface"]
     published = stages(load({"setting": "published"}), gestational_age=28.0)
     assert not {"repair", "reconnect"} & set(published)
     snapping = load({"clean": {"enabled": False}, "snap": {"enabled": True}})
-    assert stages(snapping, gestational_age=None)[4:] == ["transfer", "reconnect", "snap", "solver_ready"]
+    assert stages(snapping, gestational_age=None)[4:] == ["reconnect", "snap", "solver_ready"]
 
 
 def test_the_mesh_is_certified_faithful_and_says_how_it_was_made(made, ball, file):

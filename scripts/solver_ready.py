@@ -1,4 +1,4 @@
-"""Verdict on one mesh, with every number beside its limit."""
+"""S5, the last stage: the mesh as solvers want it, and the verdict on it, with every number beside its limit."""
 
 import json
 from dataclasses import asdict
@@ -16,6 +16,8 @@ from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.formats.placement import placed
 from cortet.measure.certify import certify
+from cortet.measure.quality import summarise
+from cortet.stages import STAGES
 
 
 def report_of(path: str) -> dict[str, Any]:
@@ -25,21 +27,26 @@ def report_of(path: str) -> dict[str, Any]:
     return {key: value for key, value in report.items() if key not in ABOUT}
 
 
-stages = [step for step in job.params.line if step != "certify"]
-reports = dict(zip(stages, map(report_of, job.input.reports), strict=True))
+*before, last = (stage for stage in job.params.line if stage != "certify")
+reports = dict(zip(before, map(report_of, job.input.reports), strict=True))
 for stage, files in {"repair": job.input.inner_repairs, "resample": job.input.inner_resamplings}.items():
     if files:
         reports[stage]["inner"] = dict(zip(job.params.inner, map(report_of, files), strict=True))
+surface = gifti.read_nested(job.input.surface, job.input.inner, job.input.fields)
+mesh, report = STAGES[last].run(vtu.read(job.input.mesh), surface, **job.arguments)
 certificate = certify(
-    vtu.read(job.input.mesh),
-    gifti.read_nested(job.input.surface, job.input.inner),
+    mesh,
+    surface,
     Certify(**job.params.limits),
     cell_size=int(job.wildcards.res) / 1000,
     native=placed(gifti.read_surface(job.input.source, finite=False), job.params.to_mm),
     case=job.wildcards.case,
     source=job.input.source,
     parameters=job.params.line,
-    reports=reports,
+    reports={**reports, last: asdict(report)},
     layers=job.params.layers,
 )
+vtu.write(mesh, job.output.mesh)
+write_json(job.record(asdict(report)), job.output.report)
+write_json(job.record(asdict(summarise(mesh))), job.output.quality)
 write_json(asdict(certificate), job.output.certificate)
