@@ -1,12 +1,16 @@
 """What does a run of hundreds cost, and where do time and memory go?
 
     python benchmarks/cohort.py [--hemispheres 200 1000 10000] [--cell-size 0.6] [--minutes 60] [--plan-only]
+    python benchmarks/cohort.py phantoms [--count 194] [--cores 2]
     python benchmarks/cohort.py resources OUTPUT...
 
 Without a word nothing is meshed: sheets whose surfaces are links to one phantom are planned by Snakemake: as a whole,
 one batch of ten, then with everything done (empty files, `--touch`), and with the surface of one row changed.
 Time is that of the CPU; a step that takes more than so many minutes is given up. Then come the files of a hemisphere
 and, by the model of `cortet.cohort.resources`, core hours, disk and memory of the cohort.
+
+`phantoms` meshes tiny phantoms to their pages, and prints as the run goes on how much CPU time Snakemake's own process
+has taken, beside that of its jobs.
 
 `resources` compares what jobs took with that model, from the benchmark files of finished runs (OUTPUT is the `output`
 of their configuration). `MB` and `s CPU` are the most that was measured, `memory` and `CPU` the measured sums as
@@ -23,16 +27,18 @@ import re
 import subprocess
 import sys
 import tempfile
+import time
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import psutil
 import yaml
-from _frame import ROOT, command
+from _frame import ROOT, Table, command
 
 from cortet.cohort.resources import MEMORY_MARGIN, Cost, cost, expected_tets, memory_to_ask_mb, minutes_to_ask
-from cortet.cohort.sheet import Case, read_sheet, write_sheet
+from cortet.cohort.sheet import PHANTOM, Case, read_sheet, write_sheet
 from cortet.errors import InputError
 from cortet.formats.gifti import write_surface
 from cortet.phantoms import phantom
@@ -203,6 +209,48 @@ def scale(
     print_plan(list(hemispheres), cell_size)
 
 
+# --- a run of many cases ---------------------------------------------------------------------------------------------
+
+#: so coarse that a mesh has some hundred tetrahedra, with limits that allow for it
+TINY: dict[str, Any] = {
+    "cohort": {"sheet": "cohort.tsv"},
+    "phantom": {"subdivisions": 3},
+    "generate": {"cell_size": [4.0]},
+    "certify": dict.fromkeys(("max_area_change", "max_volume_change", "max_mean_surface_distance")),
+}
+#: seconds between two looks at a run
+LOOK = 2.0
+
+
+def phantoms(*, count: int = 194, cores: int = 2) -> None:
+    """Mesh so many tiny phantoms to their pages, and print the CPU seconds of Snakemake's own process and of all."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_sheet(
+            [Case(f"{one:03}", None, "L", 22.0 + one % 9, PHANTOM) for one in range(count)], folder / "cohort.tsv"
+        )
+        (folder / "config.yaml").write_text(yaml.safe_dump(TINY))
+        command = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--cores", str(cores)]
+        with (folder / "log").open("w") as log:
+            run = subprocess.Popen(
+                command, cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT)}, stdout=log, stderr=log
+            )
+        table = Table("pages", "minutes", "own CPU s", "CPU s", "own share", "threads")
+        process, began, quarter = psutil.Process(run.pid), time.monotonic(), 0
+        while run.poll() is None:
+            used, threads = process.cpu_times(), process.num_threads()
+            done = len([*folder.glob("derivatives/cortet/sub-*/mesh/*_report.html")])
+            if 4 * done // count > quarter or done == 1 > quarter:
+                quarter = max(4 * done // count, 1)
+                own, jobs = used.user + used.system, used.children_user + used.children_system
+                minutes = (time.monotonic() - began) / 60
+                table.values(
+                    done, f"{minutes:.1f}", f"{own:.1f}", f"{own + jobs:.0f}", f"{own / (own + jobs):.1%}", threads
+                )
+            time.sleep(LOOK)
+        print((folder / "log").read_text().splitlines()[-1])
+
+
 # --- what jobs took --------------------------------------------------------------------------------------------------
 
 #: benchmark files, which Snakemake writes, are named as the files they are about
@@ -284,7 +332,7 @@ def resources(folders: Sequence[Path]) -> None:
     )
 
 
-main = command(__doc__, scale, resources)
+main = command(__doc__, scale, phantoms, resources)
 
 if __name__ == "__main__":
     main()
