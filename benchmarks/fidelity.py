@@ -2,7 +2,7 @@
 
     python benchmarks/fidelity.py SURFACE... [--cell-sizes 1.0 0.6] [--setting default] [--mesher lattice]
     python benchmarks/fidelity.py regions PIAL... [--cell-sizes 1.0] [--inner white] [--min-gaps 0.5]
-                                  [--elements-across 1] [--shell MM] [--cavity SHARE] [--keep FOLDER]
+                                  [--elements-across 1] [--cavity SHARE] [--keep FOLDER]
 
 One row per surface and cell size, of the whole line, without an age. Distances are those of the vertices and face
 centres of the surface that was meshed to the boundary of the mesh, and of the boundary's nodes and face centres to that
@@ -10,8 +10,8 @@ surface. The smallest altitude is the time step of an explicit solver, but for t
 process of its own with kernels compiled; CPU seconds are those of all threads, MB those above the idle process.
 
 `regions` meshes white inside pial: the inner surface of `X_pial.surf.gii` is `X_white.surf.gii` beside it. `moved` is
-what `separate` did to it. With a shell, or a cavity out of a label volume in the middle of the white matter, these are
-regions, too; columns on interfaces are about the worst of them.
+what `separate` did to it. A cavity out of a label volume in the middle of the white matter is a region, too; columns on
+interfaces are about the worst of them.
 """
 
 from __future__ import annotations
@@ -34,7 +34,6 @@ from cortet.geometry.nesting import depths, nested
 from cortet.geometry.topology import TET_FACES, boundary_surface, enclosed_volume, face_areas
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface, single_precision
-from cortet.solver_files.label_surfaces import with_shell
 
 COLUMNS = (
     *("surface", "h_mm", "tets", "q_max", "q_mean", "above_0.35"),
@@ -131,7 +130,6 @@ def regions(
     inner: str = "white",
     min_gaps: Sequence[float] = (0.5,),
     elements_across: Sequence[int] = (1,),
-    shell: float | None = None,
     cavity: float | None = None,
     keep: Path | None = None,
 ) -> None:
@@ -139,8 +137,6 @@ def regions(
 
     Parameters
     ----------
-    shell
-        From the pial surface to that of a region csf around it, mm.
     cavity
         What lies deeper than this share of the deepest is a cavity.
     keep
@@ -149,19 +145,15 @@ def regions(
     table = Table(*REGION_COLUMNS)
     for file, h, gap, across in product(pials, cell_sizes, min_gaps, elements_across):
         row = {"pair": file.name.removesuffix("_pial.surf.gii"), "h_mm": h, "min_gap_h": gap, "across": across}
-        table.add(row, alone(of_pair, file, inner, row, shell, cavity, keep))
+        table.add(row, alone(of_pair, file, inner, row, cavity, keep))
 
 
-def of_pair(
-    file: Path, inner: str, row: dict[str, Any], shell: float | None, share: float | None, keep: Path | None
-) -> Row:
+def of_pair(file: Path, inner: str, row: dict[str, Any], share: float | None, keep: Path | None) -> Row:
     """Run the line in this process; the row of its mesh."""
     inner_file = file.with_name(file.name.replace("_pial.", f"_{inner}."))
     surface = nested(read_surface(file), {inner: read_surface(inner_file)})
     if share:
         surface = nested(surface, {**surface.inner, "cavity": cavity(surface.inner[inner], share)})
-    if shell:
-        surface = with_shell(surface, shell)
     config = config_of(row["h_mm"], regions={"min_gap": row["min_gap_h"], "elements_across": row["across"]})
     small = nested(ball(20.0), {"white": ball(16.0)})
     line = mesh(surface, config, small=small, source=file, inner_sources={inner: inner_file})

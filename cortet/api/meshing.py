@@ -37,7 +37,7 @@ from cortet.formats.tables import names, write_table
 from cortet.formats.tags import regions
 from cortet.formats.volumes import Volume
 from cortet.geometry.interpolation import applied
-from cortet.geometry.limits import SCAN_AGES, SHELL_MM, require_within
+from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested, sheets
 from cortet.measure.certify import Certificate, with_remarks
 from cortet.measure.layers import require_layers
@@ -47,7 +47,7 @@ from cortet.pipeline import About, Step, companions, mesh_surface
 from cortet.solver_files.export import export_made
 from cortet.solver_files.export import with_sets as with_named_sets
 from cortet.solver_files.fields import with_fields, with_q, without_q
-from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
+from cortet.solver_files.label_surfaces import inner_surfaces
 from cortet.solver_files.laminar import Laminar
 from cortet.solver_files.meshed import Origin, require_own_stem, write_meshed
 from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar_path
@@ -89,7 +89,7 @@ class Mesh:
     tissue_rows: tuple[Mapping[str, Any], ...] = ()
     #: volume -> label -> name
     label_names: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
-    #: region -> surface that was given, in mm, the outermost first; without the shell, which was made
+    #: region -> surface that was given, in mm, the outermost first
     native: Mapping[str, TriSurface] = field(default_factory=dict)
 
     @property
@@ -354,7 +354,6 @@ def mesh(
     ga: float | None = None,
     hemi: Literal["L", "R"] | None = None,
     inner: Mapping[str, SurfaceLike] | None = None,
-    shell: float | None = None,
     fields: Mapping[str, Any] | None = None,
     volumes: Mapping[str, str | Path | spatialimages.SpatialImage | Volume] | None = None,
     sphere: SurfaceLike | None = None,
@@ -371,7 +370,6 @@ def mesh(
     ga : gestational age, weeks
     hemi : "L" or "R"; None: what the file says, if anything
     inner : closed surfaces inside, name of the region within -> surface, or labels of a volume: "dseg.nii.gz:5,6"
-    shell : mm, from the surface to a smooth one around it; the space between is meshed as the region `csf`
     fields : values per vertex (n,) or (n, k) by name, or files of them, which the mesh also gets
     volumes : images whose labels, numbers or tensors the tetrahedra get, by name: NIfTI or MGZ, or NiBabel's images
     sphere : of the surface, through which it is put onto the common mesh (`resample`)
@@ -401,7 +399,6 @@ def mesh(
         ga=ga,
         hemi=hemi,
         inner=inner,
-        shell=shell,
         fields=fields,
         volumes=volumes,
         sphere=sphere,
@@ -415,11 +412,9 @@ def mesh(
 class Inputs:
     """Everything that a mesh is made of, read and checked."""
 
-    #: with its fields, its inner surfaces and its shell, as given; and in mm
+    #: with its fields and its inner surfaces, as given; and in mm
     surface: TriSurface
     in_mm: TriSurface
-    #: region -> surface, in mm, without the shell
-    native: Mapping[str, TriSurface]
     config: Config
     origin: Origin
     #: what else is known: files of the surface and of its inner surfaces, and its sphere
@@ -462,7 +457,7 @@ class Inputs:
             inputs=tuple(Path(file) for file in read_from if file),
             tissue_rows=tuple(rows),
             label_names=label_names(self.volumes),
-            native=self.native,
+            native=dict(zip(region_names(self.in_mm.inner), sheets(self.in_mm), strict=True)),
         )
 
 
@@ -473,7 +468,6 @@ def inputs(
     ga: float | None = None,
     hemi: Literal["L", "R"] | None = None,
     inner: Mapping[str, SurfaceLike] | None = None,
-    shell: float | None = None,
     fields: Mapping[str, Any] | None = None,
     volumes: Mapping[str, str | Path | spatialimages.SpatialImage | Volume] | None = None,
     sphere: SurfaceLike | None = None,
@@ -502,16 +496,8 @@ def inputs(
         require_layers(whole)
     known = {name: within.files[name] for name in whole.inner if name in within.files}
     region_files = {} if source is None else by_region(source, known)
-    if shell is not None:
-        require_within(shell, SHELL_MM, "the distance of the shell in mm")
-        shelled = with_shell(whole, shell, to_mm)
-        (brain,) = shelled.inner.keys() - whole.inner.keys()
-        whole, region_files = shelled, {} if source is None else {brain: source, **within.files}
     images = read_volumes(volumes or {})
     in_mm = placed(whole, to_mm)
-    native = dict(zip(region_names(in_mm.inner), sheets(in_mm), strict=True))
-    if shell is not None:
-        native = dict(list(native.items())[1:])
     background = backgrounds(images, in_mm)
     origin = Origin(
         region_files,
@@ -524,7 +510,6 @@ def inputs(
     return Inputs(
         whole,
         in_mm,
-        native,
         config,
         origin,
         {

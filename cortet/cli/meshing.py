@@ -28,7 +28,7 @@ from cortet.cli.values import (
 from cortet.errors import UsageError
 from cortet.formats import format_of, require_holes
 from cortet.formats.ownership import may_write, refuse_companion
-from cortet.geometry.limits import SCAN_AGES, SHELL_MM
+from cortet.geometry.limits import SCAN_AGES
 
 #: said of a mesh of a white surface without others
 WHITE_ALONE = "the surface is a white surface: the mesh holds white matter without the cortex"
@@ -52,8 +52,6 @@ class Line:
 
     Parameters
     ----------
-    shell
-        Also mesh the space around the brain (region csf), out to a smooth surface at least this far away.
     ga
         Gestational age; the setting published chooses its smoothing by age.
     field
@@ -64,7 +62,6 @@ class Line:
 
     inner: InnerFiles = ()
     size: Sizes = ()
-    shell: Annotated[float | None, number(*SHELL_MM, "MM")] = None
     ga: Annotated[float | None, number(*SCAN_AGES, "WEEKS")] = None
     field: NamedFiles = ()
     sphere: InputFile | None = None
@@ -78,7 +75,6 @@ class Line:
             config,
             ga=self.ga,
             inner=dict(self.inner),
-            shell=self.shell,
             fields=dict(self.field),
             volumes=dict(volumes),
             sphere=self.sphere,

@@ -1,10 +1,10 @@
-"""Commands on surfaces: `gate`, `repair`, `layers`, `phantom`, `head`, `envelope`, `labels`."""
+"""Commands on surfaces: `gate`, `repair`, `layers`, `phantom`, `head`, `labels`."""
 
 from __future__ import annotations
 
 import statistics
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,7 +25,7 @@ from cortet.cli.values import (
 from cortet.errors import CortetError, InputError
 from cortet.formats.atomic import recorded
 from cortet.formats.ownership import may_write
-from cortet.geometry.limits import CLOSING_MM, PHANTOM_AGES, SHELL_MM, SUBDIVISIONS, THICKNESS_MM
+from cortet.geometry.limits import PHANTOM_AGES, SUBDIVISIONS, THICKNESS_MM
 
 if TYPE_CHECKING:
     from cortet.stages.gate import GateReport
@@ -35,7 +35,7 @@ Handles = Annotated[int, number(0, 10_000, "N", whole=True)]
 
 def add_commands(app: App) -> None:
     """Add the commands on surfaces."""
-    add(app, SURFACES, gate, repair, layers, envelope, labels, phantom, head)
+    add(app, SURFACES, gate, repair, layers, labels, phantom, head)
 
 
 @Parameter(name="*")
@@ -221,42 +221,6 @@ def head(
     for row in sizes:
         print(f"{row['name']:<12}{row['volume_ml']:>8.3f} mL")
     print(f"{output}: written: {', '.join(file.name for file in files.values())}")
-    return 0
-
-
-def envelope(
-    surfaces: Annotated[Sequence[Path], Parameter(name="SURFACE")],
-    /,
-    *,
-    output: Annotated[SurfaceFile, O],
-    distance: Annotated[float, number(*SHELL_MM, "MM")] = 2.0,
-    closing: Annotated[float, number(*SHELL_MM, "MM")] = CLOSING_MM,
-    _: Writes = Writes(),
-) -> int:
-    """Make a smooth closed surface around other surfaces.
-
-    Parameters
-    ----------
-    surfaces
-        Closed surfaces of one head, mm.
-    distance
-        Least distance from the surfaces (default: 2).
-    closing
-        Half the width of grooves to bridge (default: 15).
-
-    Examples
-    --------
-    cortet envelope lh.pial.surf.gii rh.pial.surf.gii -o skull.surf.gii
-    """
-    from cortet.formats.gifti import read_surface, write_surface
-    from cortet.geometry.envelope import envelope
-    from cortet.geometry.topology import enclosed_volume
-
-    given = [read_surface(file) for file in surfaces]
-    made = envelope(given, distance, closing=closing)
-    write_surface(replace(made, frame=given[0].frame), output)
-    volume = enclosed_volume(made.points, made.faces) / 1000
-    print(f"{output}: {len(made.points)} vertices, {volume:.1f} mL, at least {distance:g} mm away")
     return 0
 
 

@@ -1,4 +1,4 @@
-"""Named inner surfaces, from files of surfaces or from labels of volumes; and a shell around a brain."""
+"""Named inner surfaces, from files of surfaces or from labels of volumes."""
 
 from __future__ import annotations
 
@@ -14,11 +14,8 @@ from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
 from cortet.formats.placement import placed
 from cortet.formats.volumes import Volume, is_volume, read_labels, volume_file
-from cortet.geometry.envelope import envelope
 from cortet.geometry.label_surface import AS_THEY_ARE, Handles, LabelSurface, label_surfaces
-from cortet.geometry.mending import measurable
-from cortet.geometry.nesting import nested
-from cortet.meshes import BRAIN, OUTERMOST, TriSurface, is_brain, single_precision
+from cortet.meshes import TriSurface, single_precision
 from cortet.solver_files.volumes import require_in_place
 
 logger = logging.getLogger(__name__)
@@ -65,28 +62,6 @@ def inner_surfaces(
                 raise InputError(f"two inner surfaces would have the name {own}", file=file, remedy="use another name")
             found.surfaces[own], found.files[own] = surface, volume_file(file)
     return found
-
-
-def with_shell(surface: TriSurface, distance: float, to_mm: Sequence[Sequence[float]] | None = None) -> TriSurface:
-    """An envelope of a surface, with the surface and its inner ones inside: as region `cortex`, or `brain` if alone.
-
-    Parameters
-    ----------
-    surface : as it was read; the envelope ignores coordinates that are not finite
-    distance : mm, least distance from the surface
-    to_mm : matrix of `formats.placement.matrix` for `surface`
-    """
-    if taken := [name for name in surface.inner if is_brain(name)]:
-        raise InputError(
-            f"with a shell the surface bounds the region {OUTERMOST}, but an inner surface has the name {taken[0]}",
-            remedy="rename the inner surface, or omit the shell",
-        )
-    own = replace(surface, inner={})
-    outer = envelope([placed(measurable(own), to_mm)], distance)
-    if to_mm is not None:
-        outer = single_precision(placed(outer, np.linalg.inv(np.array(to_mm)).tolist()))
-    name = OUTERMOST if surface.inner else BRAIN
-    return nested(replace(outer, frame=surface.frame), {name: own, **surface.inner})
 
 
 def _of_labels(

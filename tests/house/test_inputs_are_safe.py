@@ -41,7 +41,6 @@ COMMANDS: dict[str, list[str]] = {
     "improve": ["x.vtu --surface x.surf.gii -o OUT.inp"],
     "gate": ["x.surf.gii inner.surf.gii"],
     "repair": ["x.surf.gii --config settings.yaml -o OUT.surf.gii"],
-    "envelope": ["x.surf.gii --distance 2 -o OUT.surf.gii"],
     "layers": ["inner.surf.gii x.surf.gii --layers 2 --cell-size 4 -o OUT.surf.gii"],
     "labels": ["x_dseg.nii.gz:1 -o OUT.surf.gii"],
     "growth": [

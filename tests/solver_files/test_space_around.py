@@ -6,61 +6,30 @@ import json
 
 import numpy as np
 import pytest
-from shapes import ball_surface, horseshoe
+from shapes import ball_surface
 
 import cortet
 from cortet.cli import main
 from cortet.config import load
 from cortet.errors import InputError
-from cortet.formats import FORMATS, read_mesh, require_holes, vtu
-from cortet.formats.gifti import read_surface, write_surface
+from cortet.formats import FORMATS, require_holes, vtu
+from cortet.formats.gifti import write_surface
 from cortet.formats.volumes import write_volume
-from cortet.geometry.closest_point import closest_points, tree_of
-from cortet.geometry.envelope import envelope
-from cortet.geometry.intersection import self_intersections
-from cortet.geometry.nesting import nested
-from cortet.geometry.topology import boundary_faces, enclosed_volume, face_normals, surface_topology
+from cortet.geometry.topology import boundary_faces, face_normals
 from cortet.measure.quality import signed_volumes
-from cortet.meshes import TriSurface, region_names
+from cortet.meshes import region_names
 from cortet.solver_files.holes import regions_of
-from cortet.solver_files.label_surfaces import with_shell
 from cortet.solver_files.sets import with_regions
 
 H = 2.0
+SKULL = ball_surface(4, radius=13.0)
 
 
 @pytest.fixture(scope="module")
 def made() -> cortet.Mesh:
-    """A white ball of 7 mm in a pial one of 10 mm, in a shell of 3 mm."""
+    """A white ball of 7 mm in a pial one of 10 mm, in a skull of 13 mm."""
     pial, white = ball_surface(4, radius=10.0), ball_surface(4, radius=7.0)
-    return cortet.mesh(pial, H, inner={"white": white}, shell=3.0, progress=False)
-
-
-def test_an_envelope_of_a_ball_is_a_ball():
-    around = envelope([ball_surface(4, radius=10.0)], 2.0)
-    radius = np.linalg.norm(around.points, axis=1)
-    assert radius.min() > 11.95 and radius.max() < 12.4
-    assert enclosed_volume(around.points, around.faces) > 0
-    assert surface_topology(around.faces).euler_number == 2
-
-
-def test_an_envelope_spans_a_groove_and_stays_away_from_both_sides():
-    bent = horseshoe(2.0)
-    around = envelope([bent], 1.0, closing=4.0)
-    assert surface_topology(around.faces).euler_number == 2 and not len(self_intersections(around))
-    assert closest_points(tree_of(bent), around.points).distances.min() >= 0.998
-    assert enclosed_volume(around.points, around.faces) > 1.5 * enclosed_volume(bent.points, bent.faces)
-
-
-def test_an_envelope_holds_two_bodies_and_refuses_those_too_far_apart():
-    left = ball_surface(3, radius=5.0)
-    right = TriSurface(left.points + np.array([11.0, 0, 0]), left.faces)
-    around = envelope([left, right], 1.0)
-    for one in (left, right):
-        assert closest_points(tree_of(one), around.points).distances.min() >= 0.998
-    far = TriSurface(left.points + np.array([300.0, 0, 0]), left.faces)
-    with pytest.raises(InputError, match="cannot enclose the 2 surfaces"):
-        envelope([left, far], 1.0)
+    return cortet.mesh(SKULL, H, inner={"cortex": pial, "white": white}, progress=False)
 
 
 def test_region_0_is_named_after_what_lies_in_it_and_no_two_share_a_name():
@@ -102,19 +71,19 @@ def test_holes_and_formats_that_cannot_tell_them_are_refused_together():
         config.require_workflow()
 
 
-def test_the_shell_is_a_certified_region_around_the_cortex(made):
+def test_the_space_around_the_brain_is_a_certified_region(made):
     assert made.certified
     regions = {one.name: one for one in made.certificate.regions}
     assert list(regions) == ["csf", "cortex", "white"]
     pial, white = (4 / 3 * np.pi * radius**3 / 1000 for radius in (10, 7))
     assert regions["white"].volume_ml == pytest.approx(white, rel=0.08)
     assert regions["cortex"].volume_ml == pytest.approx(pial - white, rel=0.08)
-    assert regions["csf"].volume_ml > 4 / 3 * np.pi * 13**3 / 1000 - pial
+    assert regions["csf"].volume_ml == pytest.approx(4 / 3 * np.pi * 13**3 / 1000 - pial, rel=0.08)
     assert [(one.name, one.around) for one in made.certificate.interfaces] == [("cortex", "csf"), ("white", "cortex")]
 
 
 def test_a_brain_without_a_white_surface_has_a_cortex_by_depth(tmp_path):
-    made = cortet.mesh(ball_surface(4, radius=10.0), H, shell=3.0, progress=False)
+    made = cortet.mesh(SKULL, H, inner={"brain": ball_surface(4, radius=10.0)}, progress=False)
     assert made.certified and [one.name for one in made.certificate.regions] == ["csf", "brain"]
     mesh = vtu.read(made.save(tmp_path / "m.vtu"))
     centre = np.linalg.norm(mesh.points[mesh.cells].mean(axis=1), axis=1)
@@ -126,59 +95,33 @@ def test_a_brain_without_a_white_surface_has_a_cortex_by_depth(tmp_path):
     )
 
 
-def test_fields_of_the_brain_go_with_it_and_its_labels_are_faces_of_it(tmp_path):
-    ball = ball_surface(4, radius=10.0)
-    upper = (ball.points[:, 2] > 0).astype(np.int32)
-    made = cortet.mesh(
-        ball, H, inner={"white": ball_surface(4, radius=7.0)}, shell=3.0, fields={"half": upper}, progress=False
-    )
-    mesh = vtu.read(made.save(tmp_path / "m.vtu"))
-    faces = mesh.points[mesh.sets.faces["half_1"]]
-    assert np.abs(np.linalg.norm(faces, axis=2) - 10).max() < 0.3 and faces.mean(axis=1)[:, 2].min() > -H
-    assert set(mesh.sets.cells["half_1"]) < set(mesh.sets.cells["cortex"])
-
-
-def test_coordinates_in_metres_get_a_shell_in_mm():
-    ball = ball_surface(3, radius=10.0)
-    metres = TriSurface(ball.points / 1000, ball.faces)
-    to_mm = np.diag([1000.0, 1000, 1000, 1]).tolist()
-    outer = with_shell(metres, 3.0, to_mm)
-    assert np.linalg.norm(outer.points, axis=1).min() == pytest.approx(0.013, rel=0.08)
-    assert outer.inner["brain"].points is not None and list(outer.inner) == ["brain"]
-
-
-def test_a_volume_of_the_brain_alone_is_in_place_within_a_shell(tmp_path):
-    ball = ball_surface(4, radius=10.0)
+def test_a_volume_of_the_brain_alone_is_in_place_within_a_skull(tmp_path):
     inside = np.linalg.norm(np.indices((21, 21, 21)) - 10, axis=0) < 10
     affine = np.eye(4)
     affine[:3, 3] = -10
     write_volume(inside.astype(np.int16), affine, tmp_path / "dseg.nii.gz")
-    volumes = {"tissue": tmp_path / "dseg.nii.gz"}
-    made = cortet.mesh(ball, H, shell=3.0, volumes=volumes, progress=False)
+    given = {"inner": {"brain": ball_surface(4, radius=10.0)}, "volumes": {"tissue": tmp_path / "dseg.nii.gz"}}
+    made = cortet.mesh(SKULL, H, **given, progress=False)
     rows = made.tissues().set_index("label")
     assert rows.loc[1, "volume_ml"] == pytest.approx(4 / 3 * np.pi, rel=0.1)
     write_volume(inside.astype(np.int16), affine + 6 * np.eye(4, k=3), tmp_path / "dseg.nii.gz")
     with pytest.raises(InputError, match="outside the volume|shifted"):
-        cortet.mesh(ball, H, shell=3.0, volumes=volumes, progress=False)
+        cortet.mesh(SKULL, H, **given, progress=False)
 
 
-def test_what_a_shell_does_not_go_with_is_said(made):
-    with pytest.raises(InputError, match="cortex"):
-        with_shell(nested(ball_surface(3, radius=9), {"cortex": ball_surface(3)}), 2.0)
+def test_a_brain_with_space_around_it_is_not_folded(made):
     with pytest.raises(InputError, match="csf"):
         cortet.fold(made, ga=24, progress=False)
-    with pytest.raises(InputError, match="0.1"):
-        cortet.mesh(ball_surface(3), H, shell=0.1)
 
 
-def test_the_command_makes_shell_hole_and_records_and_checks_again(tmp_path, monkeypatch, capsys):
+def test_the_command_makes_a_hole_and_records_and_checks_again(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    for name, radius in (("pial", 10.0), ("white", 8.5), ("ventricle", 6.0)):
+    for name, radius in (("skull", 13.0), ("pial", 10.0), ("white", 8.5), ("ventricle", 6.0)):
         write_surface(ball_surface(4, radius=radius), tmp_path / f"{name}.surf.gii")
-    inner = "--inner white.surf.gii --inner ventricle=ventricle.surf.gii"
+    inner = "--inner cortex=pial.surf.gii --inner white.surf.gii --inner ventricle=ventricle.surf.gii"
 
     def command(words: str) -> int:
-        return main(words.replace("MESH", f"mesh pial.surf.gii {inner} --cell-size 2 --shell 3").split())
+        return main(words.replace("MESH", f"mesh skull.surf.gii {inner} --cell-size 2").split())
 
     def refused(words: str, word: str) -> bool:
         """Before any work, of which the command would print something."""
@@ -187,7 +130,7 @@ def test_the_command_makes_shell_hole_and_records_and_checks_again(tmp_path, mon
         return code == 1 and word in said.err and not said.out
 
     assert command("MESH -o head.vtu") == command("MESH --hole ventricle -o hollow.vtu") == 0
-    assert command("certify head.vtu") == command(f"certify head.vtu pial.surf.gii {inner}") == 0
+    assert command("certify head.vtu") == command(f"certify head.vtu skull.surf.gii {inner}") == 0
     assert refused("fold head.vtu --ga 24 -o fold", "csf")
     assert refused("MESH --hole tumour -o other.vtu", "tumour")
     assert refused("MESH --hole ventricle -o hollow.stl", ".stl")
@@ -207,23 +150,3 @@ def test_the_command_makes_shell_hole_and_records_and_checks_again(tmp_path, mon
     for name, form in FORMATS.items():
         done = command(f"convert hollow.vtu other{form.suffix}")
         assert done == (name in ("braingrowth", "stl", "gifti")), name  # which cannot tell a hole from a void
-
-
-def test_an_envelope_from_the_command_is_the_outer_surface_of_two_halves(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for side, x in (("L", -6.0), ("R", 6.0)):
-        ball = ball_surface(4, radius=5.0)
-        write_surface(TriSurface(ball.points + np.array([x, 0, 0]), ball.faces), tmp_path / f"{side}.surf.gii")
-    command = "envelope L.surf.gii R.surf.gii --distance 2 -o skull.surf.gii"
-    assert main(command.split()) == 0
-    skull = read_surface("skull.surf.gii")
-    assert enclosed_volume(skull.points, skull.faces) > 2000
-    with pytest.raises(SystemExit):
-        main(["envelope", "L.surf.gii", "-o", "skull.vtu"])
-    command = "mesh skull.surf.gii --inner cortexL=L.surf.gii --inner cortexR=R.surf.gii --cell-size 1.5 -o head.inp"
-    assert main(command.split()) == 0
-    sets = read_mesh(tmp_path / "head.inp").sets.cells
-    assert {"csf", "cortex", "cortexL", "cortexR"} <= sets.keys()
-    assert len(sets["cortexL"]) + len(sets["cortexR"]) == len(sets["cortex"])
-    assert main(["convert", "head.inp", "head.vtu"]) == 0, "Abaqus has no sets of faces"
-    assert read_mesh(tmp_path / "head.vtu").sets.faces.keys() == {"outer_surface"}
