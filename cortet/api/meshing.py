@@ -47,7 +47,6 @@ from cortet.pipeline import About, Step, companions, mesh_surface
 from cortet.solver_files.export import export_made
 from cortet.solver_files.export import with_sets as with_named_sets
 from cortet.solver_files.fields import with_fields, with_q, without_q
-from cortet.solver_files.label_surfaces import inner_surfaces
 from cortet.solver_files.laminar import Laminar
 from cortet.solver_files.meshed import Origin, require_own_stem, write_meshed
 from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar_path
@@ -369,7 +368,7 @@ def mesh(
     cell_size : edge length of the tetrahedra, mm; None: that of the settings
     ga : gestational age, weeks
     hemi : "L" or "R"; None: what the file says, if anything
-    inner : closed surfaces inside, name of the region within -> surface, or labels of a volume: "dseg.nii.gz:5,6"
+    inner : closed surfaces inside, name of the region within -> surface
     fields : values per vertex (n,) or (n, k) by name, or files of them, which the mesh also gets
     volumes : images whose labels, numbers or tensors the tetrahedra get, by name: NIfTI or MGZ, or NiBabel's images
     sphere : of the surface, through which it is put onto the common mesh (`resample`)
@@ -403,8 +402,8 @@ def mesh(
         volumes=volumes,
         sphere=sphere,
     )
-    for line in given.said if progress is True else ():
-        say(line)
+    for one in given.background if progress is True else ():
+        say(one.sentence)
     return given.mesh(teller(progress))
 
 
@@ -421,8 +420,6 @@ class Inputs:
     about: About
     volumes: Mapping[str, Volume]
     background: Sequence[Background]
-    #: what a user should know, in words
-    said: Sequence[str]
 
     def mesh(self, progress: Callable[[Step], None], *, case: str | None = None) -> Mesh:
         """Mesh, certify and sample the volumes.
@@ -488,13 +485,11 @@ def inputs(
     of_vertices = {**outer.point_data, **_others(fields)}
     require_fields(of_vertices)
     outer = with_fields(replace(outer, point_data=of_vertices), field_files)
-    inner_files = {name: str(file) for name, file in _files(inner).items()}
-    within = inner_surfaces(inner_files, outer, to_mm, finite=finite, handles=config.handles())
-    others = {name: surface(one, finite=finite) for name, one in _others(inner).items()}
-    whole = nested(outer, {**within.surfaces, **others})
+    inner_files = _files(inner)
+    whole = nested(outer, {name: surface(one, finite=finite) for name, one in (inner or {}).items()})
     if config.export.layers is not None:
         require_layers(whole)
-    known = {name: within.files[name] for name in whole.inner if name in within.files}
+    known = {name: inner_files[name] for name in whole.inner if name in inner_files}
     region_files = {} if source is None else by_region(source, known)
     images = read_volumes(volumes or {})
     in_mm = placed(whole, to_mm)
@@ -516,13 +511,12 @@ def inputs(
             "gestational_age": origin.age,
             "hemisphere": origin.hemisphere,
             "source": source,
-            "inner_sources": within.files,
+            "inner_sources": inner_files,
             "sphere": None if sphere is None else surface(sphere),
             "sphere_source": _file(sphere),
         },
         images,
         background,
-        said=[*within.told, *(one.sentence for one in background)],
     )
 
 

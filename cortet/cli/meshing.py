@@ -182,8 +182,8 @@ def mesh(
     if not how.force:
         require_own_stem(output, given.origin.given, cell_size=config.generate.cell_size[0])
     require_regions(config.export.holes, inner)
-    for said in given.said:
-        print(said)
+    for one in given.background:
+        print(one.sentence)
     progress = Progress(config, line.ga, nested=bool(inner), registered=given.about["sphere"] is not None)
     made = given.mesh(progress, case=output.stem)
     certificate = made.certificate

@@ -199,8 +199,7 @@ InnerFiles = Annotated[
     Sequence[tuple[str, str]],
     pairs(inner_file, "NAME=FILE", "[NAME=]FILE"),
     Parameter(
-        help="Closed surface inside SURFACE that bounds the region NAME (default: white), or labels of a volume, "
-        "VOLUME:5,6; repeatable."
+        help="Closed surface inside SURFACE that bounds the region NAME (default: white); repeatable.",
     ),
 ]
 Sizes = Annotated[

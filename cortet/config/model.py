@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import field_validator
 
@@ -28,9 +28,6 @@ from cortet.errors import InputError
 from cortet.formats import require_holes
 from cortet.formats.placement import matrix
 from cortet.formats.volumes import is_volume
-
-if TYPE_CHECKING:
-    from cortet.geometry.label_surface import Handles
 
 
 class Config(Section):
@@ -86,14 +83,6 @@ class Config(Section):
     def enabled(self, stage: str) -> bool:
         """Whether the line contains `stage`."""
         return bool(getattr(getattr(self, stage, None), "enabled", True))
-
-    def handles(self) -> Handles:
-        """What is done about handles of labels, which are mended on the voxels: nothing if `repair` is off."""
-        from cortet.geometry.label_surface import AS_THEY_ARE, Handles
-
-        if not self.repair.enabled:
-            return AS_THEY_ARE
-        return Handles(self.gate.allow_genus, self.repair.max_volume_change)
 
     def require_workflow(self) -> None:
         """Raise InputError for settings that a single mesh may have but a cohort may not."""

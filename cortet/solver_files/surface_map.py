@@ -20,7 +20,6 @@ from cortet.formats.gifti import read_surface
 from cortet.formats.hashing import input_sha256
 from cortet.formats.placement import placed
 from cortet.formats.surface_sets import among, sides
-from cortet.formats.volumes import is_volume
 from cortet.geometry.closest_point import closest_points, surface_tree, tree_of
 from cortet.geometry.containing import containing
 from cortet.geometry.interpolation import applied, at_triangles, is_label
@@ -276,10 +275,7 @@ def _given_file(mesh: Path, given: Mapping[str, Mapping[str, str]]) -> Path:
     """The file of the outermost surface that a mesh was made from, which must be as it was then."""
     if not given:
         raise InputError("no sidecar records the surface it was made from", file=mesh, remedy="name it with --surface")
-    outermost = next(iter(given.values()))
-    if is_volume(outermost["file"]):
-        raise InputError("holds labels, not a surface", file=outermost["file"], remedy="name a surface with --surface")
-    return recorded_file(mesh, outermost)
+    return recorded_file(mesh, next(iter(given.values())))
 
 
 def _faces_of(mesh: TetMesh, number: int) -> tuple[TriSurface, IntArray]:

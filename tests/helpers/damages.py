@@ -29,11 +29,9 @@ from cortet.formats import FORMATS, read_mesh
 from cortet.formats.gifti import read_label_names, read_surface, write_surface
 from cortet.formats.placement import matrix, placed
 from cortet.formats.volumes import read_volume
-from cortet.geometry.label_surface import Handles
 from cortet.meshes import TetMesh, TriSurface
 from cortet.solver_files.export import convert, export
 from cortet.solver_files.fields import with_fields
-from cortet.solver_files.label_surfaces import surfaces_of_labels
 from cortet.solver_files.volumes import require_in_place
 from cortet.stages.gate import gate
 from cortet.stages.repair import repair
@@ -186,12 +184,9 @@ def texts(folder: Path) -> Seeds:
 
 
 def read_and_use_volume(path: Path, surface: TriSurface) -> Any:
-    """What is made of a volume: it lies around the surface, and labels give surfaces without handles."""
+    """What is made of a volume that lies around the surface."""
     volume = read_volume(path)
     require_in_place({"v": volume}, surface)
-    if volume.kind == "labels":
-        largest = int(np.bincount(volume.values[volume.values > 0]).argmax())
-        return next(iter(surfaces_of_labels("v", volume, [largest], Handles(0))[0].values()))
     return volume
 
 

@@ -42,7 +42,6 @@ COMMANDS: dict[str, list[str]] = {
     "gate": ["x.surf.gii inner.surf.gii"],
     "repair": ["x.surf.gii --config settings.yaml -o OUT.surf.gii"],
     "layers": ["inner.surf.gii x.surf.gii --layers 2 --cell-size 4 -o OUT.surf.gii"],
-    "labels": ["x_dseg.nii.gz:1 -o OUT.surf.gii"],
     "growth": [
         "x.surf.gii inner.surf.gii --ages 28 30 -o OUT.func.gii",
         "x.surf.gii inner.surf.gii --ages 28 30 -o fresh.func.gii --picture OUT.png",
