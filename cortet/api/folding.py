@@ -159,7 +159,7 @@ def fold(
     require_hemisphere(hemi)
     if ga is not None:
         require_within(ga, FOLD_AGES, "the gestational age in weeks")
-    mesh = tetrahedra(made, whole=True)
+    mesh = tetrahedra(made)
     if isinstance(made, Mesh):
         refuse_space_around(region_names(made.surface.inner))
         require_same_brain((ga, hemi), (made.ga, made.hemi))

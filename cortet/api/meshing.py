@@ -49,7 +49,7 @@ from cortet.solver_files.export import with_sets as with_named_sets
 from cortet.solver_files.fields import with_fields, with_q, without_q
 from cortet.solver_files.laminar import Laminar
 from cortet.solver_files.meshed import Origin, require_own_stem, write_meshed
-from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar_path
+from cortet.solver_files.sidecar import CHANGED, changed_since, sidecar_path
 from cortet.solver_files.surface_map import SurfaceMap, surface_map
 from cortet.solver_files.volumes import (
     TISSUE_COLUMNS,
@@ -617,21 +617,10 @@ def say(line: str) -> None:
     sys.stderr.write(f"{line}\n")
 
 
-def tetrahedra(made: TetMesh | Mesh | str | Path, *, whole: bool = False) -> TetMesh:
-    """The tetrahedral mesh from any object that holds one; says if its file was changed after cortet wrote it.
-
-    Parameters
-    ----------
-    whole : whether a file that leaves out regions is refused
-    """
+def tetrahedra(made: TetMesh | Mesh | str | Path) -> TetMesh:
+    """The tetrahedral mesh from any object that holds one; says if its file was changed after cortet wrote it."""
     if isinstance(made, str | Path):
         file = Path(made)
-        if whole and (holes := (read_sidecar(file).get("made_from") or {}).get("holes")):
-            raise InputError(
-                f"lacks the tetrahedra inside {', '.join(holes)}, but the entire mesh is required",
-                file=file,
-                remedy="mesh again without holes",
-            )
         if changed_since(file):
             say(f"{file}: {CHANGED}")
         return without_q(read_mesh(file))

@@ -26,7 +26,7 @@ from cortet.cli.values import (
     number,
 )
 from cortet.errors import UsageError
-from cortet.formats import format_of, require_holes
+from cortet.formats import format_of
 from cortet.formats.ownership import may_write, refuse_companion
 from cortet.geometry.limits import SCAN_AGES
 
@@ -132,7 +132,6 @@ def mesh(
     line: Line = Line(),
     configured: Configured = Configured(),
     volume: NamedFiles = (),
-    hole: Annotated[Sequence[str], Parameter(metavar="NAME")] = (),
     layers: Layering | None = None,
     views: Views = Views(),
     how: Writes = Writes(),
@@ -147,8 +146,6 @@ def mesh(
         Mesh file; its extension selects the format.
     volume
         NIfTI or MGZ whose labels, values or tensors are transferred to tetrahedra; FILE:KIND selects which; repeatable.
-    hole
-        Leave the inner surface NAME empty, for example a ventricle; repeatable.
     layers
         Number of layers of the cortex, or their shares of its volume, pial first, 1,1,2; needs an inner surface white.
 
@@ -160,7 +157,6 @@ def mesh(
     from cortet.config import load
     from cortet.formats.tables import printed
     from cortet.pipeline import companions
-    from cortet.solver_files.holes import require_regions
     from cortet.solver_files.meshed import require_own_stem
     from cortet.solver_files.sidecar import sidecar_path
     from cortet.solver_files.volumes import TISSUE_COLUMNS
@@ -168,8 +164,8 @@ def mesh(
     if views.slices and not volume:
         raise UsageError("--slices needs a volume", remedy="give one: --volume NAME=FILE")
     # a file that cannot be written is refused before the work, and before files of an earlier run are deleted
-    config = load(configured.settings(line.size, hole, layers))
-    require_holes(config.export.holes, format_of(output).name)
+    config = load(configured.settings(line.size, layers))
+    format_of(output)
     given = line.inputs(surface, config, volume)
     inner = given.surface.inner
     beside = companions(output, inner, volumes=bool(volume))
@@ -181,7 +177,6 @@ def mesh(
             refuse_companion(view)
     if not how.force:
         require_own_stem(output, given.origin.given, cell_size=config.generate.cell_size[0])
-    require_regions(config.export.holes, inner)
     for one in given.background:
         print(one.sentence)
     progress = Progress(config, line.ga, nested=bool(inner), registered=given.about["sphere"] is not None)

@@ -25,7 +25,6 @@ from cortet.config.stages import (
     Transfer,
 )
 from cortet.errors import InputError
-from cortet.formats import require_holes
 from cortet.formats.placement import matrix
 from cortet.formats.volumes import is_volume
 
@@ -91,10 +90,6 @@ class Config(Section):
                 f"generate.sizes names the volume {volumes[0]}, which would apply to every case",
                 remedy="name regions, or mesh each case with `cortet mesh`",
             )
-        if self.export.holes and self.export.ten_nodes:
-            raise InputError("export.ten_nodes cannot be combined with export.holes", remedy="leave one of the two out")
-        for solver in self.export.formats:
-            require_holes(self.export.holes, solver)
 
     def export_arguments(self, solver: str) -> dict[str, Any]:
         """Arguments of `export` for one format, plain values."""
@@ -103,7 +98,6 @@ class Config(Section):
             "solver": solver,
             "uncertified": export.uncertified,
             "unit": export.carp_unit,
-            "holes": export.holes,
             "interior": self.transfer.interior,
         }
 

@@ -134,8 +134,6 @@ class Export(Section):
     """Field of the cohort, mm, that replaces cortex_depth, e.g. thickness."""
     medial_wall: dict[str, list[int]] = {}
     """Label fields and the keys that mark the medial wall, e.g. {parcellation: [0]}. All other faces are cortex."""
-    holes: list[str] = []
-    """Inner regions to leave empty in the files, e.g. [ventricle]. Their walls are the faces `hole_surface`."""
     tags: str | None = None
     """Label volume whose labels replace the regions as the numbers of tetrahedra, e.g. tissue. Formats with one number
     per tetrahedron cannot hold both. null: the regions."""

@@ -125,7 +125,6 @@ class _MadeFrom(BaseModel):
     meshed: dict[str, _Surface]
     hemisphere: Literal["L", "R"] | None = None
     gestational_age: Annotated[FiniteFloat, Field(strict=True)] | None = None
-    holes: list[str] = []
     #: share of the volume of each layer of the cortex, the outermost first
     layers: list[FiniteFloat] = []
 

@@ -172,12 +172,6 @@ def test_pictures_of_a_fold_show_a_map_of_its_weeks():
     assert not {"picture", "real_surfaces", "variants", "cases"} & set(Folds(fold).arguments(mesh_job(GOOD)))
 
 
-def test_a_hole_that_no_case_has_is_told():
-    (notice,) = plan(export={"formats": ["vtu"], "holes": ["white", "ventrcle"]}).notices()
-    assert notice == "export.holes: no case has an inner surface ventrcle, they have white"
-    assert plan().notices() == []
-
-
 def test_maps_are_of_a_hemispheres_resampled_cases():
     assert list(plan().maps("L")) == ["sub-made_hemi-L"]
 

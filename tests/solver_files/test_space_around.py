@@ -1,8 +1,6 @@
-"""The space around the brain as a region, and regions as holes."""
+"""The space around the brain as a region."""
 
 from __future__ import annotations
-
-import json
 
 import numpy as np
 import pytest
@@ -10,15 +8,11 @@ from shapes import ball_surface
 
 import cortet
 from cortet.cli import main
-from cortet.config import load
 from cortet.errors import InputError
-from cortet.formats import FORMATS, require_holes, vtu
+from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
 from cortet.formats.volumes import write_volume
-from cortet.geometry.topology import boundary_faces, face_normals
-from cortet.measure.quality import signed_volumes
 from cortet.meshes import region_names
-from cortet.solver_files.holes import regions_of
 from cortet.solver_files.sets import with_regions
 
 H = 2.0
@@ -50,25 +44,6 @@ def test_region_0_is_named_after_what_lies_in_it_and_no_two_share_a_name():
     ):
         with pytest.raises(InputError, match=name):
             region_names(inner)
-
-
-def test_a_hole_is_the_surface_of_its_name_or_else_the_pieces_of_a_label():
-    assert regions_of("deep", ["white", "deep", "deep2"]) == ["deep"]
-    assert regions_of("deep", ["white", "deep1", "deep2", "deeper"]) == ["deep1", "deep2"]
-    assert regions_of("deep", ["white", "deep2"]) == []
-
-
-def test_holes_and_formats_that_cannot_tell_them_are_refused_together():
-    for name, form in FORMATS.items():
-        require_holes([], name)
-        if form.names_faces:
-            require_holes(["ventricle"], name)
-        else:
-            with pytest.raises(InputError, match=f"{form.suffix}.*ventricle"):
-                require_holes(["ventricle"], name)
-    config = load({"export": {"formats": ["vtu", "stl"], "holes": ["ventricle"]}})
-    with pytest.raises(InputError, match=r"\.stl.*ventricle"):
-        config.require_workflow()
 
 
 def test_the_space_around_the_brain_is_a_certified_region(made):
@@ -114,39 +89,14 @@ def test_a_brain_with_space_around_it_is_not_folded(made):
         cortet.fold(made, ga=24, progress=False)
 
 
-def test_the_command_makes_a_hole_and_records_and_checks_again(tmp_path, monkeypatch, capsys):
+def test_the_command_records_and_checks_again(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for name, radius in (("skull", 13.0), ("pial", 10.0), ("white", 8.5), ("ventricle", 6.0)):
         write_surface(ball_surface(4, radius=radius), tmp_path / f"{name}.surf.gii")
     inner = "--inner cortex=pial.surf.gii --inner white.surf.gii --inner ventricle=ventricle.surf.gii"
-
-    def command(words: str) -> int:
-        return main(words.replace("MESH", f"mesh skull.surf.gii {inner} --cell-size 2").split())
-
-    def refused(words: str, word: str) -> bool:
-        """Before any work, of which the command would print something."""
-        capsys.readouterr()
-        code, said = command(words), capsys.readouterr()
-        return code == 1 and word in said.err and not said.out
-
-    assert command("MESH -o head.vtu") == command("MESH --hole ventricle -o hollow.vtu") == 0
-    assert command("certify head.vtu") == command(f"certify head.vtu skull.surf.gii {inner}") == 0
-    assert refused("fold head.vtu --ga 24 -o fold", "csf")
-    assert refused("MESH --hole tumour -o other.vtu", "tumour")
-    assert refused("MESH --hole ventricle -o hollow.stl", ".stl")
-    for words in ("certify hollow.vtu", "fold hollow.vtu --ga 24 -o f", "quadratic hollow.vtu -o q.vtu"):
-        assert refused(words, "entire mesh")
-
-    whole, hollow = vtu.read(tmp_path / "head.vtu"), vtu.read(tmp_path / "hollow.vtu")
-    assert len(whole.cells) - len(hollow.cells) == len(whole.sets.cells["ventricle"])
-    lost = signed_volumes(whole.points, whole.cells).sum() - signed_volumes(hollow.points, hollow.cells).sum()
-    assert lost == pytest.approx(4 / 3 * np.pi * 6.0**3, rel=0.09)
-    assert "ventricle" not in hollow.sets.cells and "ventricle_interface" not in hollow.sets.faces
-    wall = hollow.sets.faces["hole_surface"]
-    inwards = np.einsum("kj,kj->k", face_normals(hollow.points, wall), hollow.points[wall].mean(axis=1))
-    assert (inwards < 0).all()  # outward of the mesh is into the hole
-    assert len(wall) + len(hollow.sets.faces["outer_surface"]) == len(boundary_faces(hollow))
-    assert json.loads((tmp_path / "hollow.vtu.json").read_text())["made_from"]["holes"] == ["ventricle"]
-    for name, form in FORMATS.items():
-        done = command(f"convert hollow.vtu other{form.suffix}")
-        assert done == (name in ("braingrowth", "stl", "gifti")), name  # which cannot tell a hole from a void
+    assert main(f"mesh skull.surf.gii {inner} --cell-size 2 -o head.vtu".split()) == 0
+    assert main(["certify", "head.vtu"]) == main(f"certify head.vtu skull.surf.gii {inner}".split()) == 0
+    capsys.readouterr()
+    assert main(["fold", "head.vtu", "--ga", "24", "-o", "fold"]) == 1
+    said = capsys.readouterr()
+    assert "csf" in said.err and not said.out
