@@ -476,7 +476,7 @@ def inputs(
     require_region_names(inner or ())
     if ga is not None:
         require_within(ga, SCAN_AGES, "the gestational age in weeks")
-    source, to_mm = _file(shape), config.placement()
+    source = _file(shape)
     finite = not config.enabled("repair")
     outer = surface(shape, finite=finite)
     if finite or not len(outer.faces):
@@ -492,7 +492,7 @@ def inputs(
     known = {name: inner_files[name] for name in whole.inner if name in inner_files}
     region_files = {} if source is None else by_region(source, known)
     images = read_volumes(volumes or {})
-    in_mm = placed(whole, to_mm)
+    in_mm = placed(whole, config.placement())
     background = backgrounds(images, in_mm)
     origin = Origin(
         region_files,

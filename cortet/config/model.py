@@ -25,7 +25,7 @@ from cortet.config.stages import (
     Transfer,
 )
 from cortet.errors import InputError
-from cortet.formats.placement import matrix
+from cortet.formats.placement import UNITS
 from cortet.formats.volumes import is_volume
 
 
@@ -101,13 +101,12 @@ class Config(Section):
             "interior": self.transfer.interior,
         }
 
-    def placement(
-        self, unit: str | None = None, affine: str | Path | None = None
-    ) -> tuple[tuple[float, ...], ...] | None:
-        """Matrix that maps stored coordinates to mm (`formats.placement.matrix`); None if they are mm.
+    def placement(self, unit: str | None = None) -> float | None:
+        """Factor from stored coordinates to mm; None if they are mm.
 
         Parameters
         ----------
-        unit, affine : of one case; None: as `gate.unit` and `gate.affine` say
+        unit : of one case; None: as `gate.unit` says
         """
-        return matrix(unit or self.gate.unit, affine or self.gate.affine)
+        named = unit or self.gate.unit
+        return None if named == "mm" else UNITS[named]

@@ -195,7 +195,7 @@ def _content(image: SpatialImage, path: str | Path) -> tuple[NDArray[Any], Float
             remedy = "extract one volume, for example with fslroi or mrconvert -coord 3 0"
             raise InputError(what, file=path, remedy=remedy)
         affine = np.asarray(image.affine, float)
-        require_geometry(image, path)
+        _require_geometry(image, path)
         _require_mm(image, affine, path)
         _say_disagreement(image, path)
         values = np.asarray(image.dataobj)
@@ -204,7 +204,7 @@ def _content(image: SpatialImage, path: str | Path) -> tuple[NDArray[Any], Float
     return values.reshape((*shape[:3], *more)), affine, "symmetric" if more and len(shape) == 5 else ""
 
 
-def require_geometry(image: Any, path: str | Path) -> None:
+def _require_geometry(image: Any, path: str | Path) -> None:
     """Raise InputError for a header that does not say where the voxels are; NiBabel then assumes something."""
     from nibabel.openers import ImageOpener
 
@@ -223,7 +223,7 @@ def require_geometry(image: Any, path: str | Path) -> None:
         )
 
 
-def is_singular(affine: FloatArray) -> bool:
+def _is_singular(affine: FloatArray) -> bool:
     """Whether an affine (4, 4) flattens space, or is not finite there."""
     linear = affine[:3, :3]
     return not abs(np.linalg.det(linear)) > _SINGULAR * np.prod(np.linalg.norm(linear, axis=0))
@@ -231,7 +231,7 @@ def is_singular(affine: FloatArray) -> bool:
 
 def _require_mm(image: Any, affine: FloatArray, path: str | Path) -> None:
     """Raise InputError for an affine that is none, or whose coordinates are not mm."""
-    if is_singular(affine):
+    if _is_singular(affine):
         raise InputError("its affine is singular or not finite", file=path, remedy="export it again")
     widths = np.linalg.norm(affine[:3, :3], axis=0)
     unit = image.header.get_xyzt_units()[0] if hasattr(image.header, "get_xyzt_units") else "mm"

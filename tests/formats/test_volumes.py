@@ -23,7 +23,6 @@ from cortet.cohort.sheet import read_sheet, write_sheet
 from cortet.errors import InputError
 from cortet.formats import read_mesh, vtu
 from cortet.formats.gifti import read_surface, write_surface
-from cortet.formats.placement import matrix
 from cortet.formats.tsv import read_tsv
 from cortet.formats.volumes import Volume, label_names, matrices, read_labels, read_named, read_volume
 from cortet.formats.volumes import volume_of as volume_from
@@ -95,7 +94,7 @@ def test_freesurfers_volumes_are_read(tmp_path, labels):
     np.testing.assert_array_equal(volume.values, labels)
     np.testing.assert_allclose(volume.affine, AFFINE, atol=1e-5)
     file.write_bytes(gzip.compress(image.to_bytes()[:28] + bytes(2) + image.to_bytes()[30:]))
-    for read in (read_volume, lambda path: volume_from(nibabel.load(path)), lambda path: matrix("mm", path)):
+    for read in (read_volume, lambda path: volume_from(nibabel.load(path))):
         with pytest.raises(InputError, match=r"aseg.mgz: .*invalid"):
             read(file)
 

@@ -27,7 +27,6 @@ from cortet.config.stages import Repair
 from cortet.errors import CortetError
 from cortet.formats import FORMATS, read_mesh
 from cortet.formats.gifti import read_label_names, read_surface, write_surface
-from cortet.formats.placement import matrix, placed
 from cortet.formats.volumes import read_volume
 from cortet.meshes import TetMesh, TriSurface
 from cortet.solver_files.export import convert, export
@@ -144,7 +143,7 @@ def of_other_programs(surface: TriSurface, folder: Path) -> Seeds:
 
 
 def volumes(surface: TriSurface, folder: Path) -> Seeds:
-    """Images around the surface: labels with names, of 8 bits and compressed, numbers, tensors, and an affine."""
+    """Images around the surface: labels with names, of 8 bits and compressed, numbers and tensors."""
     shape, affine = (14, 14, 14), np.diag([5.0, 5.0, 5.0, 1.0])
     affine[:3, 3] = -33
     labels = 1 + (np.indices(shape)[0] > 7).astype(np.int16)
@@ -154,7 +153,6 @@ def volumes(surface: TriSurface, folder: Path) -> Seeds:
         "aseg.mgz": nibabel.MGHImage(labels.astype(np.uint8), affine),
         "fa.nii.gz": nibabel.Nifti1Image(np.random.default_rng(0).random(shape, np.float32), affine),
         "dti.nii": nibabel.Nifti1Image(tensors, affine),
-        "affine.nii.gz": nibabel.Nifti1Image(np.ones((3, 3, 3), np.int16), np.diag([0.5, 0.5, 0.8, 1])),
     }
     found: Seeds = {}
     for name, image in images.items():
@@ -162,7 +160,7 @@ def volumes(surface: TriSurface, folder: Path) -> Seeds:
         nibabel.save(image, path)
         found[path.parent.name] = (path, lambda path: read_and_use_volume(path, surface))
     (folder / "dseg" / "dseg.tsv").write_text("index\tname\n1\tleft\n2\tright\n")
-    return {**found, "affine": (found["affine"][0], lambda path: placed(surface, matrix("mm", path)))}
+    return found
 
 
 def texts(folder: Path) -> Seeds:
