@@ -53,7 +53,6 @@ def plan_of(config: Mapping[str, Any]) -> Plan:
     for setting in settings.values():
         require_programs(setting)
     plan = Plan(settings, read_sheet(own.cohort.sheet))
-    own.require_workflow()
     if any(case.inner for case in plan.cases.values()):
         require_nesting(own)
     return plan

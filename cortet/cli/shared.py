@@ -78,7 +78,7 @@ class Configured:
 
     def settings(
         self,
-        sizes: Iterable[tuple[str, float | None]] = (),
+        sizes: Iterable[tuple[str, float]] = (),
         layers: Sequence[float] | None = None,
     ) -> dict[str, Any]:
         """The sections of the file; options of the command take precedence."""

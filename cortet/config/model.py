@@ -24,9 +24,7 @@ from cortet.config.stages import (
     Snap,
     Transfer,
 )
-from cortet.errors import InputError
 from cortet.formats.placement import UNITS
-from cortet.formats.volumes import is_volume
 
 
 class Config(Section):
@@ -82,14 +80,6 @@ class Config(Section):
     def enabled(self, stage: str) -> bool:
         """Whether the line contains `stage`."""
         return bool(getattr(getattr(self, stage, None), "enabled", True))
-
-    def require_workflow(self) -> None:
-        """Raise InputError for settings that a single mesh may have but a cohort may not."""
-        if volumes := [name for name in self.generate.sizes if is_volume(name)]:
-            raise InputError(
-                f"generate.sizes names the volume {volumes[0]}, which would apply to every case",
-                remedy="name regions, or mesh each case with `cortet mesh`",
-            )
 
     def export_arguments(self, solver: str) -> dict[str, Any]:
         """Arguments of `export` for one format, plain values."""

@@ -167,10 +167,9 @@ class Generate(Section):
     size_field: str | None = None
     """lattice: field of the surface with the cell size at each vertex, mm, where it should be smaller than h (down to
     0.35 h). Cells grow back to h away from there."""
-    sizes: dict[str, Positive | None] = {}
-    """lattice: cell sizes, mm, at the surface of a region or inside labels of a volume, where they should be smaller
-    than h (down to 0.35 h): {white: 0.5, dseg.nii.gz:thalamus: 0.4}. {sizes.nii.gz: null} reads them from the voxels.
-    Only `cortet mesh` accepts volumes. Cells grow back to h away from there."""
+    sizes: dict[str, Positive] = {}
+    """lattice: cell sizes, mm, at the surfaces of regions, where they should be smaller than h (down to 0.35 h), e.g.
+    {white: 0.5}. Cells grow back to h away from there."""
 
     @property
     def passes(self) -> tuple[str, ...]:

@@ -77,11 +77,6 @@ def to_scanner(points: FloatArray, frame: CoordinateFrame) -> FloatArray:
     return np.asarray(points @ whole[:3, :3].T + whole[:3, 3])
 
 
-def is_volume(text: str) -> bool:
-    """Whether a text names a volume, with or without a kind or labels after it."""
-    return _SPELLING.fullmatch(text) is not None
-
-
 def volume_file(text: str) -> str:
     """The file that `FILE` or `FILE:WHAT` names; other texts stay as they are."""
     match = _SPELLING.fullmatch(text)
@@ -95,27 +90,6 @@ def read_named(text: str) -> Volume:
         remedy = f"use {', '.join(get_args(Kind))}"
         raise InputError(f"{kind!r} is not a kind of volume", file=volume_file(text), remedy=remedy)
     return read_volume(volume_file(text), kind)
-
-
-def read_labels(text: str) -> tuple[Volume, list[int]]:
-    """The volume and the labels that `FILE:5` or `FILE:5,6` names; a label may also be given by its name."""
-    match = _SPELLING.fullmatch(text)
-    if match is None or not match["what"]:
-        what = "is a volume, not a surface" if match else "is not a volume"
-        raise InputError(what, file=text, remedy="give NIfTI or MGZ, and which labels to take: FILE.nii.gz:5,6")
-    volume = read_volume(match["file"], "labels")
-    there = np.unique(volume.values).tolist()
-    keys = []
-    for word in match["what"].split(","):
-        named = [number for number, name in volume.names.items() if name == word]
-        if re.fullmatch(r"-?\d{1,18}", word):
-            named = [int(word)]
-        if len(named) != 1 or named[0] not in there:
-            shown = ", ".join(f"{one} {volume.names.get(one, '')}".strip() for one in there[:20] if one)
-            many = f", but {len(named)} labels have that name: use their numbers" if len(named) > 1 else ""
-            raise InputError(f"has no label {word!r}{many}", file=match["file"], remedy=f"it has {shown or 'none'}")
-        keys += named
-    return volume, keys
 
 
 def read_volume(path: str | Path, kind: Kind | None = None) -> Volume:

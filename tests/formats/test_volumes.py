@@ -24,7 +24,7 @@ from cortet.errors import InputError
 from cortet.formats import read_mesh, vtu
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.tsv import read_tsv
-from cortet.formats.volumes import Volume, label_names, matrices, read_labels, read_named, read_volume
+from cortet.formats.volumes import Volume, label_names, matrices, read_named, read_volume
 from cortet.formats.volumes import volume_of as volume_from
 from cortet.geometry.icosphere import icosphere
 from cortet.geometry.voxels import in_voxels, labels_inside, means_inside
@@ -119,12 +119,6 @@ def test_labels_have_names(tmp_path, labels):
     assert read_volume(file).names == {1: "back", 2: "front"}
     own.write_text("index\tname\tcolor\n1\tCSF\t#fff\n")
     assert read_volume(file).names == {1: "CSF"}
-    assert read_labels(f"{file}:CSF,2")[1] == [1, 2]
-    with pytest.raises(InputError, match="GM"):
-        read_labels(f"{file}:GM")
-    own.write_text("index\tname\n1\tCSF\n2\tCSF\n")
-    with pytest.raises(InputError, match="dseg.nii.gz.*CSF"):
-        read_labels(f"{file}:CSF")
     for text in ("index\tname\nx\tCSF\n", "index\tname\n1\ta\n1\tb\n", "key\tname\n1\ta\n"):
         own.write_text(text)
         with pytest.raises(InputError, match="drawem9_dseg.tsv"):

@@ -33,7 +33,7 @@ COMMANDS: dict[str, list[str]] = {
     "mesh": [
         "x.surf.gii --cell-size 5 --config settings.yaml -o OUT.vtu",
         "x.surf.gii --inner inner.surf.gii --cell-size 5 -o OUT.pts",
-        "x.surf.gii --cell-size 5 --size x_dseg.nii.gz:1=4.9 -o OUT.vtu",
+        "x.surf.gii --cell-size 5 --size cortex=4.9 -o OUT.vtu",
         "x.surf.gii --cell-size 5 --field t=x.shape.gii -o fresh.mesh --picture OUT.png",
         "x.surf.gii --cell-size 5 -o fresh.mesh --page OUT.html",
         "x.surf.gii --cell-size 5 --volume t=x_dseg.nii.gz -o fresh.mesh --slices OUT.png",
