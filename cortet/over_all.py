@@ -290,21 +290,20 @@ def cohort_page(plan: Plan) -> Results:
 
     def facts() -> Any:
         mapped, of_parts = [list(plan.maps(hemi)) for hemi in maps], [part.facts for part in parts]
-        return [plan.listed_on_page(), mapped, of_parts, [_limits(plan), plan.config.figures.journal]]
+        return [plan.listed_on_page(), mapped, of_parts, _limits(plan)]
 
     def write() -> None:
         from cortet.report.cohort_maps import write_maps
-        from cortet.report.figures import cohort_figure, look, save
+        from cortet.report.figures import cohort_figure, save
 
-        with look(plan.config.figures.journal):
-            save(cohort_figure(Path(tables["quality"][0]), **_limits(plan)), *figure)
-            for hemi, files in maps.items():
-                if cases := plan.maps(hemi):
-                    write_maps(list(cases.items()), hemi, *files)
-                else:
-                    _delete(files)
-            for part in parts:
-                part.write()
+        save(cohort_figure(Path(tables["quality"][0]), **_limits(plan)), *figure)
+        for hemi, files in maps.items():
+            if cases := plan.maps(hemi):
+                write_maps(list(cases.items()), hemi, *files)
+            else:
+                _delete(files)
+        for part in parts:
+            part.write()
         _write_page(plan)
 
     files = [plan.layout.cohort_page, *figure, *(path for paths in maps.values() for path in paths), *of_parts]

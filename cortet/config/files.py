@@ -126,7 +126,8 @@ _GONE = {
     ),
     **dict.fromkeys(
         (
-            *("cohort.fields", "gate.affine", "quality", "repair.method", "repair.spacing", "smooth_boundary.method"),
+            *("cohort.fields", "figures", "gate.affine", "quality"),
+            *("repair.method", "repair.spacing", "smooth_boundary.method"),
             *("export.holes", "export.map", "export.label_shares", "export.field_units"),
         ),
         "CHANGELOG.md says what to use instead",

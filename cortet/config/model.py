@@ -9,7 +9,7 @@ from pydantic import field_validator
 
 from cortet.config.fold import Fold
 from cortet.config.section import Positive, Section, Setting
-from cortet.config.sections import Certify, Cohort, Experiments, Export, Figures, Phantom
+from cortet.config.sections import Certify, Cohort, Experiments, Export, Phantom
 from cortet.config.stages import (
     Clean,
     Gate,
@@ -61,7 +61,6 @@ class Config(Section):
     snap: Snap = Snap()
     certify: Certify = Certify()
     export: Export = Export()
-    figures: Figures = Figures()
     fold: Fold = Fold()
     experiments: Experiments = Experiments()
 
