@@ -482,7 +482,8 @@ def inputs(
     if finite or not len(outer.faces):
         require_measurable(outer)
     field_files = _files(fields)
-    of_vertices = {**outer.point_data, **_others(fields)}
+    in_memory = {name: values for name, values in (fields or {}).items() if name not in field_files}
+    of_vertices = {**outer.point_data, **in_memory}
     require_fields(of_vertices)
     outer = with_fields(replace(outer, point_data=of_vertices), field_files)
     inner_files = _files(inner)
@@ -539,11 +540,6 @@ def _file(given: Any) -> str | Path | None:
 def _files(given: Mapping[str, Any] | None) -> dict[str, str | Path]:
     """Those of some given things that are files."""
     return {name: one for name, one in (given or {}).items() if isinstance(one, str | Path)}
-
-
-def _others(given: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Those of some given things that are not files."""
-    return {name: one for name, one in (given or {}).items() if not isinstance(one, str | Path)}
 
 
 def write_files(

@@ -48,7 +48,7 @@ _TO_FLAG, _FLAG = 28, 2
 #: numbers of a tensor, and where xx, yy, zz, xy, yz, xz stand in each order
 _TENSOR = 6
 _ORDERS = {"tensors": [0, 3, 5, 1, 4, 2], "mrtrix": [0, 1, 2, 3, 5, 4], "symmetric": [0, 2, 5, 1, 4, 3]}
-_SPELLING = re.compile(r"(?P<file>.+\.(?:nii|nii\.gz|mgz|mgh))(?::(?P<what>[^:/]*))?")
+_SPELLING = re.compile(r"(?P<file>.+\.(?:nii|nii\.gz|mgz|mgh))(?::(?P<kind>[^:/]*))?")
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,14 +78,14 @@ def to_scanner(points: FloatArray, frame: CoordinateFrame) -> FloatArray:
 
 
 def volume_file(text: str) -> str:
-    """The file that `FILE` or `FILE:WHAT` names; other texts stay as they are."""
+    """The file that `FILE` or `FILE:KIND` names; other texts stay as they are."""
     match = _SPELLING.fullmatch(text)
     return match["file"] if match else text
 
 
 def read_named(text: str) -> Volume:
     """The volume that `FILE` or `FILE:KIND` names. Raises InputError as `read_volume`, and for another kind."""
-    kind: Any = (match := _SPELLING.fullmatch(text)) and match["what"]
+    kind: Any = (match := _SPELLING.fullmatch(text)) and match["kind"]
     if kind is not None and kind not in get_args(Kind):
         remedy = f"use {', '.join(get_args(Kind))}"
         raise InputError(f"{kind!r} is not a kind of volume", file=volume_file(text), remedy=remedy)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from contextlib import chdir
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
@@ -22,9 +21,6 @@ from scipy.spatial import KDTree
 from cortet.geometry.closest_point import closer_than, tree_of
 from cortet.meshers._remesh import GROWTH
 from cortet.meshes import FloatArray, IntArray, TriSurface
-
-if TYPE_CHECKING:
-    pass
 
 #: side of the lattice's cubes over the cell size: circumradii are sqrt(5) / 4 of it, 0.86 of the cell size
 CONSTANT = 1.54

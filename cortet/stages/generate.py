@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass, replace
 
 from cortet.config.stages import Generate
@@ -17,8 +16,6 @@ from cortet.meshers.mesher import Attempt, Facts, Refinement
 from cortet.meshes import FloatArray, TetMesh, TriSurface
 
 VERSION: int = 12
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)

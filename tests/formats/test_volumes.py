@@ -33,7 +33,7 @@ from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, TetMesh, TriSurface
 from cortet.phantoms.head import LABELS, direction
 from cortet.report.slices import cut
-from cortet.solver_files.volumes import backgrounds, require_in_place, with_volumes
+from cortet.solver_files.volumes import backgrounds, with_volumes
 
 RADIUS, SIZE = 10.0, 32
 SCANNER = "NIFTI_XFORM_SCANNER_ANAT"
@@ -196,7 +196,7 @@ def volume_of(values: NDArray[np.generic], affine: NDArray[np.float64] = AFFINE)
 
 def test_labels_beside_the_surface_are_refused_with_what_would_fit(ball, labels):
     """Moved; far away; in a corner; in LPS; flipped: towards a corner all three axes, on the third axis any with it."""
-    require_in_place(volume_of(labels), ball)
+    backgrounds(volume_of(labels), ball)
     moved, corner = AFFINE.copy(), np.zeros_like(labels)
     moved[:3, 3] += [4, 0, -3]
     corner[:3, :3, :3] = 1
@@ -212,11 +212,11 @@ def test_labels_beside_the_surface_are_refused_with_what_would_fit(ball, labels)
     ]
     for centre, axes in (([6, 6, 6], "first and second and third axes"), ([0, 0, 6], "third axis")):
         aside, there = half_ball(ball, centre)
-        require_in_place(volume_of(there), aside)
+        backgrounds(volume_of(there), aside)
         cases.append((volume_of(np.flip(there)), aside, axes))
     for volume, surface, word in cases:
         with pytest.raises(InputError, match=word):
-            require_in_place(volume, surface)
+            backgrounds(volume, surface)
 
 
 @pytest.mark.parametrize("kind", ["labels", "numbers", "tensors"])
@@ -256,8 +256,8 @@ def half_ball(ball: TriSurface, centre: list[float]) -> tuple[TriSurface, NDArra
 def test_a_lesion_inside_and_labels_all_around_are_no_shift(ball, labels):
     lesion = np.zeros_like(labels)
     lesion[18:22, 14:18, 14:18] = 1
-    require_in_place(volume_of(lesion), ball)
-    require_in_place(volume_of(np.ones_like(labels)), ball)
+    backgrounds(volume_of(lesion), ball)
+    backgrounds(volume_of(np.ones_like(labels)), ball)
 
 
 # --- on tetrahedra ------------------------------------------------------------------------------------------------

@@ -31,7 +31,7 @@ from cortet.formats.volumes import read_volume
 from cortet.meshes import TetMesh, TriSurface
 from cortet.solver_files.export import convert, export
 from cortet.solver_files.fields import with_fields
-from cortet.solver_files.volumes import require_in_place
+from cortet.solver_files.volumes import backgrounds
 from cortet.stages.gate import gate
 from cortet.stages.repair import repair
 
@@ -184,7 +184,7 @@ def texts(folder: Path) -> Seeds:
 def read_and_use_volume(path: Path, surface: TriSurface) -> Any:
     """What is made of a volume that lies around the surface."""
     volume = read_volume(path)
-    require_in_place({"v": volume}, surface)
+    backgrounds({"v": volume}, surface)
     return volume
 
 
