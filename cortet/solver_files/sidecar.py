@@ -57,8 +57,6 @@ def sidecar(
     ----------
     content : what the files hold, in mm; the boundary for formats of surfaces
     meant : the mesh that was written, with the names that a format may not hold
-    files : files of the export
-    unit : unit of the coordinates in the file
     frame : coordinate system of the surface the mesh was made from
     sources : name of a field -> where it came from
     interior : how interior nodes got their values; None if that is not known
