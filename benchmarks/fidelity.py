@@ -2,7 +2,7 @@
 
     python benchmarks/fidelity.py SURFACE... [--cell-sizes 1.0 0.6] [--setting default] [--mesher lattice]
     python benchmarks/fidelity.py regions PIAL... [--cell-sizes 1.0] [--inner white] [--min-gaps 0.5]
-                                  [--elements-across 1] [--shell MM] [--cavity SHARE] [--keep FOLDER]
+                                  [--elements-across 1] [--keep FOLDER]
 
 One row per surface and cell size, of the whole line, without an age. Distances are those of the vertices and face
 centres of the surface that was meshed to the boundary of the mesh, and of the boundary's nodes and face centres to that
@@ -10,8 +10,7 @@ surface. The smallest altitude is the time step of an explicit solver, but for t
 process of its own with kernels compiled; CPU seconds are those of all threads, MB those above the idle process.
 
 `regions` meshes white inside pial: the inner surface of `X_pial.surf.gii` is `X_white.surf.gii` beside it. `moved` is
-what `separate` did to it. With a shell, or a cavity out of a label volume in the middle of the white matter, these are
-regions, too; columns on interfaces are about the worst of them.
+what `separate` did to it. Columns on interfaces are about the worst of them.
 """
 
 from __future__ import annotations
@@ -24,17 +23,14 @@ from typing import Any
 import numpy as np
 import trimesh
 from _frame import Line, Row, Table, alone, command, config_of, mesh, name_of
-from scipy import ndimage
 
 from cortet.formats import vtu
 from cortet.formats.gifti import read_surface
-from cortet.geometry.closest_point import closest_points, surface_tree, tree_of
-from cortet.geometry.label_surface import label_surfaces
-from cortet.geometry.nesting import depths, nested
+from cortet.geometry.closest_point import closest_points, surface_tree
+from cortet.geometry.nesting import nested
 from cortet.geometry.topology import TET_FACES, boundary_surface, enclosed_volume, face_areas
 from cortet.measure.quality import quality, signed_volumes
-from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface, single_precision
-from cortet.solver_files.label_surfaces import with_shell
+from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface
 
 COLUMNS = (
     *("surface", "h_mm", "tets", "q_max", "q_mean", "above_0.35"),
@@ -120,8 +116,6 @@ REGION_COLUMNS = (
     *("moved", "moved_mean_mm", "moved_max_mm", "cortex_ml_before", "cortex_ml", "edge_length_h"),
     *("cpu_seconds", "tets_per_cpu_second", "MB_per_million_tets", "why_not"),
 )
-#: of the label volume of a cavity, mm
-VOXEL = 0.8
 
 
 def regions(
@@ -131,37 +125,25 @@ def regions(
     inner: str = "white",
     min_gaps: Sequence[float] = (0.5,),
     elements_across: Sequence[int] = (1,),
-    shell: float | None = None,
-    cavity: float | None = None,
     keep: Path | None = None,
 ) -> None:
     """Mesh every pair at every cell size.
 
     Parameters
     ----------
-    shell
-        From the pial surface to that of a region csf around it, mm.
-    cavity
-        What lies deeper than this share of the deepest is a cavity.
     keep
         Folder for the meshes.
     """
     table = Table(*REGION_COLUMNS)
     for file, h, gap, across in product(pials, cell_sizes, min_gaps, elements_across):
         row = {"pair": file.name.removesuffix("_pial.surf.gii"), "h_mm": h, "min_gap_h": gap, "across": across}
-        table.add(row, alone(of_pair, file, inner, row, shell, cavity, keep))
+        table.add(row, alone(of_pair, file, inner, row, keep))
 
 
-def of_pair(
-    file: Path, inner: str, row: dict[str, Any], shell: float | None, share: float | None, keep: Path | None
-) -> Row:
+def of_pair(file: Path, inner: str, row: dict[str, Any], keep: Path | None) -> Row:
     """Run the line in this process; the row of its mesh."""
     inner_file = file.with_name(file.name.replace("_pial.", f"_{inner}."))
     surface = nested(read_surface(file), {inner: read_surface(inner_file)})
-    if share:
-        surface = nested(surface, {**surface.inner, "cavity": cavity(surface.inner[inner], share)})
-    if shell:
-        surface = with_shell(surface, shell)
     config = config_of(row["h_mm"], regions={"min_gap": row["min_gap_h"], "elements_across": row["across"]})
     small = nested(ball(20.0), {"white": ball(16.0)})
     line = mesh(surface, config, small=small, source=file, inner_sources={inner: inner_file})
@@ -210,22 +192,6 @@ def ball(radius: float) -> TriSurface:
     """A sphere about the origin, mm."""
     sphere = trimesh.creation.icosphere(subdivisions=4, radius=radius)
     return TriSurface(sphere.vertices, sphere.faces)
-
-
-def cavity(white: TriSurface, share: float) -> TriSurface:
-    """A ventricle-like cavity: the largest piece of what is deeper than a share of the deepest, in voxels of 0.8 mm.
-
-    The depth is smoothed over 2 mm, or the cavity would have the ridges of a skeleton.
-    """
-    low, high = white.points.min(axis=0), white.points.max(axis=0)
-    shape = np.ceil((high - low) / VOXEL).astype(int) + 1
-    centres = low + VOXEL * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
-    depth, _, _ = depths(tree_of(white), white, centres.reshape(-1, 3))
-    affine = np.diag([VOXEL, VOXEL, VOXEL, 1.0])
-    affine[:3, 3] = low
-    smooth = ndimage.gaussian_filter(depth.reshape(shape), 2.0 / VOXEL)
-    made, _ = label_surfaces(smooth > share * smooth.max(), affine)
-    return single_precision(made[0].surface)
 
 
 main = command(__doc__, fidelity, regions)

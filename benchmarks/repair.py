@@ -78,7 +78,7 @@ def _config(limits: Path | None, cell_size: float) -> Config:
 
 def _without_placement(config: Config) -> Config:
     """The configuration for a surface that is placed already."""
-    return config.model_copy(update={"gate": config.gate.model_copy(update={"unit": "mm", "affine": None})})
+    return config.model_copy(update={"gate": config.gate.model_copy(update={"unit": "mm"})})
 
 
 def _keep(surface: TriSurface, folder: Path | None, name: str) -> None:
@@ -99,7 +99,7 @@ def surfaces(
     Parameters
     ----------
     config
-        YAML file with the limits of repair, and gate.unit or gate.affine.
+        YAML file with the limits of repair, and gate.unit.
     keep
         Folder for the surfaces.
     """

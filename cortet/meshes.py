@@ -136,8 +136,6 @@ OUTERMOST = "cortex"
 INNERMOST = "core"
 #: names of region 1 if the brain is an inner surface; name of that surface if it contains no other
 AROUND, BRAIN = ("csf", "skull", "skin"), "brain"
-#: name of the set of faces that bound holes, which are regions left out of a file
-HOLE_SURFACE = "hole_surface"
 #: name of the integer field of a repaired surface that is 1 on the cap of a filled hole
 FILLED = "filled"
 

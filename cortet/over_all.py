@@ -53,7 +53,6 @@ def plan_of(config: Mapping[str, Any]) -> Plan:
     for setting in settings.values():
         require_programs(setting)
     plan = Plan(settings, read_sheet(own.cohort.sheet))
-    own.require_workflow()
     if any(case.inner for case in plan.cases.values()):
         require_nesting(own)
     return plan
@@ -291,22 +290,21 @@ def cohort_page(plan: Plan) -> Results:
 
     def facts() -> Any:
         mapped, of_parts = [list(plan.maps(hemi)) for hemi in maps], [part.facts for part in parts]
-        return [plan.listed_on_page(), mapped, of_parts, [_limits(plan), plan.config.figures.journal]]
+        return [plan.listed_on_page(), mapped, of_parts, _limits(plan)]
 
     def write() -> None:
-        from cortet.report.figures import cohort_figure, look, save
+        from cortet.report.figures import cohort_figure, save
 
-        with look(plan.config.figures.journal):
-            save(cohort_figure(Path(tables["quality"][0]), **_limits(plan)), *figure)
-            for hemi, files in maps.items():
-                if cases := plan.maps(hemi):
-                    from cortet.report.cohort_maps import write_maps  # loads VTK
+        save(cohort_figure(Path(tables["quality"][0]), **_limits(plan)), *figure)
+        for hemi, files in maps.items():
+            if cases := plan.maps(hemi):
+                from cortet.report.cohort_maps import write_maps  # loads VTK
 
-                    write_maps(list(cases.items()), hemi, *files)
-                else:
-                    _delete(files)
-            for part in parts:
-                part.write()
+                write_maps(list(cases.items()), hemi, *files)
+            else:
+                _delete(files)
+        for part in parts:
+            part.write()
         _write_page(plan)
 
     files = [plan.layout.cohort_page, *figure, *(path for paths in maps.values() for path in paths), *of_parts]

@@ -20,7 +20,6 @@ from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate, certify
 from cortet.meshes import TetMesh, TriSurface, region_names
 from cortet.solver_files.meshed import certificate_path, meshed_files
-from cortet.solver_files.volumes import require_in_place
 from cortet.stages import (
     MESH_STAGES,
     STAGES,
@@ -119,7 +118,10 @@ def run(surface: TriSurface, config: Config, **about: Unpack[About]) -> Iterator
         logger.warning(notice)
     to_mm, sphere_file = config.placement(), about.get("sphere_source")
     surface = placed(surface, to_mm)
-    _require_sizes(surface, config)
+    if config.generate.sizes:
+        from cortet.meshers._sizes import require_sizes
+
+        require_sizes(config.generate.sizes, surface, config.generate.cell_size[0])
     if surface.inner:
         require_nesting(config)
     facts = {
@@ -169,15 +171,6 @@ def _through(
         logger.info("%s: %.1f s", stage.name, seconds)
         parameters = record_of(config, stage.name, facts)
         yield Step(stage.name, latest[stage.gives], latest["surface"], parameters, reported, seconds)
-
-
-def _require_sizes(surface: TriSurface, config: Config) -> None:
-    """Raise InputError for smaller cells that cannot be made, before any stage runs."""
-    if config.generate.sizes:
-        from cortet.meshers._sizes import checked
-
-        _, volumes = checked(config.generate.sizes, surface, config.generate.cell_size[0])
-        require_in_place(volumes, surface)
 
 
 def warm_up() -> None:

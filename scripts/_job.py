@@ -55,13 +55,6 @@ class Job:
         """Keyword arguments of the function that the script calls."""
         return {**self.params.arguments, **self.params.get("locations", {})}
 
-    @property
-    def to_mm(self) -> Any:
-        """Matrix from the coordinates of the case to mm, or None; InputError if the plan could not determine it."""
-        if isinstance(self.params.to_mm, str):
-            raise CortetError(self.params.to_mm)
-        return self.params.to_mm
-
     def require_unchanged_input(self) -> None:
         """Raise StageError if a file of the user that the job has read is not the one it was planned with."""
         from cortet.cohort.user_files import require_unchanged

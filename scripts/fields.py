@@ -11,7 +11,7 @@ from cortet.stages import STAGES
 
 repairs = job.params.repair is not None
 surface = with_fields(gifti.read_surface(job.input.surface, finite=not repairs), job.params.files)
-surface = placed(surface, job.to_mm)
+surface = placed(surface, job.params.to_mm)
 if job.input.sphere:
     sphere = gifti.read_surface(job.input.sphere)
     surface, _ = STAGES["resample"].run(surface, sphere, **job.params.resample, sphere_file=job.input.sphere)

@@ -18,7 +18,7 @@ native = replace(gifti.read_surface(source, finite=False), point_data={})
 found = surface_map(
     vtu.read(job.input.mesh),
     gifti.read_surface(job.input.meshed),
-    placed(native, job.to_mm),
+    placed(native, job.params.to_mm),
     renumbered=job.params.resampled,
 )
 files = {name: Path(job.output[name]) for name in ("surface", *MEASURES)}

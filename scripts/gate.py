@@ -16,7 +16,7 @@ source, repairs = job.arguments["source"], job.params.repair is not None
 if not job.input.surface:
     raise missing_surface(source, column="inner" if job.wildcards.get("inner") else "surface")
 require_hemisphere(job.input.surface, job.params.hemi)
-surface = placed(gifti.read_surface(job.input.surface, finite=not repairs), job.to_mm)
+surface = placed(gifti.read_surface(job.input.surface, finite=not repairs), job.params.to_mm)
 if repairs:
     surface, done = STAGES["repair"].run(surface, **job.params.repair, source=source)
 surface, report = STAGES["gate"].run(surface, **job.arguments)

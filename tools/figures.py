@@ -133,16 +133,13 @@ def one_surface() -> None:
 
 
 def head() -> None:
-    """slices.png, as in docs/volumes.md, and shell.png, as in docs/regions.md."""
+    """slices.png, as in docs/volumes.md."""
     run("head", "--ga", 24, "-o", "head")
-    inner = ("--inner", "white=head/white.surf.gii", "--inner", "ventricle=head/dseg.nii.gz:3,4")
-    more = ("--inner", "thalamus=head/thalamus.surf.gii", "--volume", "tissue=head/dseg.nii.gz")
-    mesh = ("mesh", "head/pial.surf.gii")
-    run(*mesh, *inner, *more, "--cell-size", 1.5, "-o", "head.vtu", "--slices", "slices.png")
+    names = ("white", "ventricle1", "ventricle2", "thalamus")
+    inner = [word for name in names for word in ("--inner", f"{name}=head/{name}.surf.gii")]
+    given = ("mesh", "head/pial.surf.gii", *inner, "--volume", "tissue=head/dseg.nii.gz")
+    run(*given, "--cell-size", 1.5, "-o", "head.vtu", "--slices", "slices.png")
     save(PIL.Image.open("slices.png"), "slices.png", width=1640)
-    shell = ("--inner", "white=head/white.surf.gii", "--shell", 2)
-    run(*mesh, *shell, "--cell-size", 2, "-o", "shell.vtu", "--picture", "shell.png")
-    save(PIL.Image.open("shell.png"), "shell.png")
 
 
 def common() -> None:

@@ -58,7 +58,7 @@ def certify(
     >>> found.certified, found.reasons
     (True, ())
     """
-    mesh, filled, source = filling(made, shape, inner, whole=True)
+    mesh, filled, source = filling(made, shape, inner)
     if filled.inner and cell_size is not None and source is not None and str(source) == str(shape):
         filled, _report = separate(filled, cell_size=cell_size)  # not as it was meshed: move surfaces apart as then
     size = known_size(made) if cell_size is None else cell_size

@@ -106,7 +106,7 @@ def improve(
     True
     """
     file = Path(made) if isinstance(made, str | Path) else None
-    mesh, filled, source = filling(made, shape, whole=True)
+    mesh, filled, source = filling(made, shape)
     cells = _oriented(mesh, file)
     require_body(mesh, file)
     _require_one_place(mesh, filled, file)
@@ -150,17 +150,14 @@ def filling(
     made: TetMesh | Mesh | str | Path,
     shape: SurfaceLike | None,
     inner: Mapping[str, str | Path] = NO_FILES,
-    *,
-    whole: bool = False,
 ) -> tuple[TetMesh, TriSurface, Path | None]:
     """A mesh with the numbers of its regions, the surface that it fills, and the file of that.
 
     Parameters
     ----------
     shape, inner : as of `certify`
-    whole : as of `tetrahedra`
     """
-    mesh = tetrahedra(made, whole=whole)
+    mesh = tetrahedra(made)
     named = Path(shape) if isinstance(shape, str | Path) else None
     if isinstance(made, str | Path) and (shape is None or named):
         filled, named = meshed_surface(Path(made), named, {name: Path(file) for name, file in inner.items()})

@@ -153,15 +153,15 @@ def fold(
     from cortet.config.fold import Settings
     from cortet.folding.fold import fold as folded
     from cortet.folding.journal import TABLE, per_percent
-    from cortet.folding.plausible import brain_of, refuse_shell, require_same_brain
+    from cortet.folding.plausible import brain_of, refuse_space_around, require_same_brain
     from cortet.formats.tsv import read_tsv
 
     require_hemisphere(hemi)
     if ga is not None:
         require_within(ga, FOLD_AGES, "the gestational age in weeks")
-    mesh = tetrahedra(made, whole=True)
+    mesh = tetrahedra(made)
     if isinstance(made, Mesh):
-        refuse_shell(region_names(made.surface.inner))
+        refuse_space_around(region_names(made.surface.inner))
         require_same_brain((ga, hemi), (made.ga, made.hemi))
         ga, hemi = made.ga if ga is None else ga, hemi or made.hemi
     elif isinstance(made, str | Path):

@@ -37,7 +37,7 @@ from cortet.formats.tables import names, write_table
 from cortet.formats.tags import regions
 from cortet.formats.volumes import Volume
 from cortet.geometry.interpolation import applied
-from cortet.geometry.limits import SCAN_AGES, SHELL_MM, require_within
+from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested, sheets
 from cortet.measure.certify import Certificate, with_remarks
 from cortet.measure.layers import require_layers
@@ -47,10 +47,9 @@ from cortet.pipeline import About, Step, companions, mesh_surface
 from cortet.solver_files.export import export_made
 from cortet.solver_files.export import with_sets as with_named_sets
 from cortet.solver_files.fields import with_fields, with_q, without_q
-from cortet.solver_files.label_surfaces import inner_surfaces, with_shell
 from cortet.solver_files.laminar import Laminar
 from cortet.solver_files.meshed import Origin, require_own_stem, write_meshed
-from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar_path
+from cortet.solver_files.sidecar import CHANGED, changed_since, sidecar_path
 from cortet.solver_files.surface_map import SurfaceMap, surface_map
 from cortet.solver_files.volumes import (
     TISSUE_COLUMNS,
@@ -89,7 +88,7 @@ class Mesh:
     tissue_rows: tuple[Mapping[str, Any], ...] = ()
     #: volume -> label -> name
     label_names: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
-    #: region -> surface that was given, in mm, the outermost first; without the shell, which was made
+    #: region -> surface that was given, in mm, the outermost first
     native: Mapping[str, TriSurface] = field(default_factory=dict)
 
     @property
@@ -354,7 +353,6 @@ def mesh(
     ga: float | None = None,
     hemi: Literal["L", "R"] | None = None,
     inner: Mapping[str, SurfaceLike] | None = None,
-    shell: float | None = None,
     fields: Mapping[str, Any] | None = None,
     volumes: Mapping[str, str | Path | spatialimages.SpatialImage | Volume] | None = None,
     sphere: SurfaceLike | None = None,
@@ -370,8 +368,7 @@ def mesh(
     cell_size : edge length of the tetrahedra, mm; None: that of the settings
     ga : gestational age, weeks
     hemi : "L" or "R"; None: what the file says, if anything
-    inner : closed surfaces inside, name of the region within -> surface, or labels of a volume: "dseg.nii.gz:5,6"
-    shell : mm, from the surface to a smooth one around it; the space between is meshed as the region `csf`
+    inner : closed surfaces inside, name of the region within -> surface
     fields : values per vertex (n,) or (n, k) by name, or files of them, which the mesh also gets
     volumes : images whose labels, numbers or tensors the tetrahedra get, by name: NIfTI or MGZ, or NiBabel's images
     sphere : of the surface, through which it is put onto the common mesh (`resample`)
@@ -401,13 +398,12 @@ def mesh(
         ga=ga,
         hemi=hemi,
         inner=inner,
-        shell=shell,
         fields=fields,
         volumes=volumes,
         sphere=sphere,
     )
-    for line in given.said if progress is True else ():
-        say(line)
+    for one in given.background if progress is True else ():
+        say(one.sentence)
     return given.mesh(teller(progress))
 
 
@@ -415,19 +411,15 @@ def mesh(
 class Inputs:
     """Everything that a mesh is made of, read and checked."""
 
-    #: with its fields, its inner surfaces and its shell, as given; and in mm
+    #: with its fields and its inner surfaces, as given; and in mm
     surface: TriSurface
     in_mm: TriSurface
-    #: region -> surface, in mm, without the shell
-    native: Mapping[str, TriSurface]
     config: Config
     origin: Origin
     #: what else is known: files of the surface and of its inner surfaces, and its sphere
     about: About
     volumes: Mapping[str, Volume]
     background: Sequence[Background]
-    #: what a user should know, in words
-    said: Sequence[str]
 
     def mesh(self, progress: Callable[[Step], None], *, case: str | None = None) -> Mesh:
         """Mesh, certify and sample the volumes.
@@ -462,7 +454,7 @@ class Inputs:
             inputs=tuple(Path(file) for file in read_from if file),
             tissue_rows=tuple(rows),
             label_names=label_names(self.volumes),
-            native=self.native,
+            native=dict(zip(region_names(self.in_mm.inner), sheets(self.in_mm), strict=True)),
         )
 
 
@@ -473,7 +465,6 @@ def inputs(
     ga: float | None = None,
     hemi: Literal["L", "R"] | None = None,
     inner: Mapping[str, SurfaceLike] | None = None,
-    shell: float | None = None,
     fields: Mapping[str, Any] | None = None,
     volumes: Mapping[str, str | Path | spatialimages.SpatialImage | Volume] | None = None,
     sphere: SurfaceLike | None = None,
@@ -485,33 +476,24 @@ def inputs(
     require_region_names(inner or ())
     if ga is not None:
         require_within(ga, SCAN_AGES, "the gestational age in weeks")
-    source, to_mm = _file(shape), config.placement()
+    source = _file(shape)
     finite = not config.enabled("repair")
     outer = surface(shape, finite=finite)
     if finite or not len(outer.faces):
         require_measurable(outer)
     field_files = _files(fields)
-    of_vertices = {**outer.point_data, **_others(fields)}
+    in_memory = {name: values for name, values in (fields or {}).items() if name not in field_files}
+    of_vertices = {**outer.point_data, **in_memory}
     require_fields(of_vertices)
     outer = with_fields(replace(outer, point_data=of_vertices), field_files)
-    inner_files = {name: str(file) for name, file in _files(inner).items()}
-    within = inner_surfaces(inner_files, outer, to_mm, finite=finite, handles=config.handles())
-    others = {name: surface(one, finite=finite) for name, one in _others(inner).items()}
-    whole = nested(outer, {**within.surfaces, **others})
+    inner_files = _files(inner)
+    whole = nested(outer, {name: surface(one, finite=finite) for name, one in (inner or {}).items()})
     if config.export.layers is not None:
         require_layers(whole)
-    known = {name: within.files[name] for name in whole.inner if name in within.files}
+    known = {name: inner_files[name] for name in whole.inner if name in inner_files}
     region_files = {} if source is None else by_region(source, known)
-    if shell is not None:
-        require_within(shell, SHELL_MM, "the distance of the shell in mm")
-        shelled = with_shell(whole, shell, to_mm)
-        (brain,) = shelled.inner.keys() - whole.inner.keys()
-        whole, region_files = shelled, {} if source is None else {brain: source, **within.files}
     images = read_volumes(volumes or {})
-    in_mm = placed(whole, to_mm)
-    native = dict(zip(region_names(in_mm.inner), sheets(in_mm), strict=True))
-    if shell is not None:
-        native = dict(list(native.items())[1:])
+    in_mm = placed(whole, config.placement())
     background = backgrounds(images, in_mm)
     origin = Origin(
         region_files,
@@ -524,20 +506,18 @@ def inputs(
     return Inputs(
         whole,
         in_mm,
-        native,
         config,
         origin,
         {
             "gestational_age": origin.age,
             "hemisphere": origin.hemisphere,
             "source": source,
-            "inner_sources": within.files,
+            "inner_sources": inner_files,
             "sphere": None if sphere is None else surface(sphere),
             "sphere_source": _file(sphere),
         },
         images,
         background,
-        said=[*within.told, *(one.sentence for one in background)],
     )
 
 
@@ -560,11 +540,6 @@ def _file(given: Any) -> str | Path | None:
 def _files(given: Mapping[str, Any] | None) -> dict[str, str | Path]:
     """Those of some given things that are files."""
     return {name: one for name, one in (given or {}).items() if isinstance(one, str | Path)}
-
-
-def _others(given: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Those of some given things that are not files."""
-    return {name: one for name, one in (given or {}).items() if not isinstance(one, str | Path)}
 
 
 def write_files(
@@ -638,21 +613,10 @@ def say(line: str) -> None:
     sys.stderr.write(f"{line}\n")
 
 
-def tetrahedra(made: TetMesh | Mesh | str | Path, *, whole: bool = False) -> TetMesh:
-    """The tetrahedral mesh from any object that holds one; says if its file was changed after cortet wrote it.
-
-    Parameters
-    ----------
-    whole : whether a file that leaves out regions is refused
-    """
+def tetrahedra(made: TetMesh | Mesh | str | Path) -> TetMesh:
+    """The tetrahedral mesh from any object that holds one; says if its file was changed after cortet wrote it."""
     if isinstance(made, str | Path):
         file = Path(made)
-        if whole and (holes := (read_sidecar(file).get("made_from") or {}).get("holes")):
-            raise InputError(
-                f"lacks the tetrahedra inside {', '.join(holes)}, but the entire mesh is required",
-                file=file,
-                remedy="mesh again without holes",
-            )
         if changed_since(file):
             say(f"{file}: {CHANGED}")
         return without_q(read_mesh(file))

@@ -113,7 +113,7 @@ def fold(
     from cortet.formats.gifti import kind_of, read_surface, require_same_hemisphere
     from cortet.solver_files.surface_map import map_of_file
 
-    mesh = tetrahedra(file, whole=True)
+    mesh = tetrahedra(file)
     age, side = brain_of(file, ga, hemi)
     if age is None:
         raise InputError("does not record the gestational age", file=file, remedy="add --ga WEEKS")

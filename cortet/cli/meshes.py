@@ -193,7 +193,7 @@ def quadratic(
     from cortet.geometry.quadratic import quadratic
     from cortet.solver_files.ten_nodes import write_ten_nodes
 
-    mesh, filled = tetrahedra(file, whole=True), _filled_surface(file, surface)
+    mesh, filled = tetrahedra(file), _filled_surface(file, surface)
     limit = None if max_boundary_distance == math.inf else max_boundary_distance
     curved = quadratic(mesh, filled, max_boundary_distance=limit)
     told = write_ten_nodes(mesh, curved, output)

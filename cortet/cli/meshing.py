@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,9 +26,9 @@ from cortet.cli.values import (
     number,
 )
 from cortet.errors import UsageError
-from cortet.formats import format_of, require_holes
+from cortet.formats import format_of
 from cortet.formats.ownership import may_write, refuse_companion
-from cortet.geometry.limits import SCAN_AGES, SHELL_MM
+from cortet.geometry.limits import SCAN_AGES
 
 #: said of a mesh of a white surface without others
 WHITE_ALONE = "the surface is a white surface: the mesh holds white matter without the cortex"
@@ -43,46 +43,6 @@ if TYPE_CHECKING:
 def add_commands(app: App) -> None:
     """Add `mesh` and `improve`."""
     add(app, MESHES, mesh, improve)
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Line:
-    """Options of the line of stages from a surface to a mesh.
-
-    Parameters
-    ----------
-    shell
-        Also mesh the space around the brain (region csf), out to a smooth surface at least this far away.
-    ga
-        Gestational age; the setting published chooses its smoothing by age.
-    field
-        Per-vertex field (GIfTI) to transfer to the mesh; repeatable.
-    sphere
-        Registered sphere of SURFACE, for resampling onto the common mesh.
-    """
-
-    inner: InnerFiles = ()
-    size: Sizes = ()
-    shell: Annotated[float | None, number(*SHELL_MM, "MM")] = None
-    ga: Annotated[float | None, number(*SCAN_AGES, "WEEKS")] = None
-    field: NamedFiles = ()
-    sphere: InputFile | None = None
-
-    def inputs(self, surface: Path, config: Config, volumes: Sequence[tuple[str, str]] = ()) -> Inputs:
-        """What a command is to mesh."""
-        from cortet.api.meshing import inputs
-
-        return inputs(
-            surface,
-            config,
-            ga=self.ga,
-            inner=dict(self.inner),
-            shell=self.shell,
-            fields=dict(self.field),
-            volumes=dict(volumes),
-            sphere=self.sphere,
-        )
 
 
 @Parameter(name="*")
@@ -133,10 +93,13 @@ def mesh(
     /,
     *,
     output: Annotated[OutputFile, O, Parameter(metavar="OUT")],
-    line: Line = Line(),
+    inner: InnerFiles = (),
+    size: Sizes = (),
+    ga: Annotated[float | None, number(*SCAN_AGES, "WEEKS")] = None,
+    field: NamedFiles = (),
+    sphere: InputFile | None = None,
     configured: Configured = Configured(),
     volume: NamedFiles = (),
-    hole: Annotated[Sequence[str], Parameter(metavar="NAME")] = (),
     layers: Layering | None = None,
     views: Views = Views(),
     how: Writes = Writes(),
@@ -149,10 +112,14 @@ def mesh(
         Closed surface, GIfTI, mm.
     output
         Mesh file; its extension selects the format.
+    ga
+        Gestational age; the setting published chooses its smoothing by age.
+    field
+        Per-vertex field (GIfTI) to transfer to the mesh; repeatable.
+    sphere
+        Registered sphere of SURFACE, for resampling onto the common mesh.
     volume
         NIfTI or MGZ whose labels, values or tensors are transferred to tetrahedra; FILE:KIND selects which; repeatable.
-    hole
-        Leave the inner surface NAME empty, for example a ventricle; repeatable.
     layers
         Number of layers of the cortex, or their shares of its volume, pial first, 1,1,2; needs an inner surface white.
 
@@ -160,11 +127,10 @@ def mesh(
     --------
     cortet mesh lh.pial.surf.gii --inner lh.white.surf.gii -o lh.inp
     """
-    from cortet.api.meshing import write_files
+    from cortet.api.meshing import inputs, write_files
     from cortet.config import load
     from cortet.formats.tables import printed
     from cortet.pipeline import companions
-    from cortet.solver_files.holes import require_regions
     from cortet.solver_files.meshed import require_own_stem
     from cortet.solver_files.sidecar import sidecar_path
     from cortet.solver_files.volumes import TISSUE_COLUMNS
@@ -172,11 +138,10 @@ def mesh(
     if views.slices and not volume:
         raise UsageError("--slices needs a volume", remedy="give one: --volume NAME=FILE")
     # a file that cannot be written is refused before the work, and before files of an earlier run are deleted
-    config = load(configured.settings(line.size, hole, layers))
-    require_holes(config.export.holes, format_of(output).name)
-    given = line.inputs(surface, config, volume)
-    inner = given.surface.inner
-    beside = companions(output, inner, volumes=bool(volume))
+    config = load(configured.settings(size, layers))
+    format_of(output)
+    given = inputs(surface, config, ga=ga, inner=dict(inner), fields=dict(field), volumes=dict(volume), sphere=sphere)
+    beside = companions(output, given.surface.inner, volumes=bool(volume))
     every = [*beside.files, sidecar_path(output)]
     for file in every:
         may_write(file)
@@ -185,10 +150,9 @@ def mesh(
             refuse_companion(view)
     if not how.force:
         require_own_stem(output, given.origin.given, cell_size=config.generate.cell_size[0])
-    require_regions(config.export.holes, inner)
-    for said in given.said:
-        print(said)
-    progress = Progress(config, line.ga, nested=bool(inner), registered=given.about["sphere"] is not None)
+    for one in given.background:
+        print(one.sentence)
+    progress = Progress(config, ga, nested=bool(inner), registered=sphere is not None)
     made = given.mesh(progress, case=output.stem)
     certificate = made.certificate
     told = write_files(made, output, force=how.force, views=lambda place: views.write(made, given, place))

@@ -78,8 +78,7 @@ class Configured:
 
     def settings(
         self,
-        sizes: Iterable[tuple[str, float | None]] = (),
-        holes: Sequence[str] = (),
+        sizes: Iterable[tuple[str, float]] = (),
         layers: Sequence[float] | None = None,
     ) -> dict[str, Any]:
         """The sections of the file; options of the command take precedence."""
@@ -90,8 +89,6 @@ class Configured:
             data["setting"] = self.setting
         if sizes:
             data = with_keys(data, "generate", sizes=dict(sizes))
-        if holes:
-            data = with_keys(data, "export", holes=list(holes))
         if layers is not None:
             data = with_keys(data, "export", layers=list(layers))
         return data

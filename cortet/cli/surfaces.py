@@ -1,10 +1,10 @@
-"""Commands on surfaces: `gate`, `repair`, `layers`, `phantom`, `head`, `envelope`, `labels`."""
+"""Commands on surfaces: `gate`, `repair`, `layers`, `phantom`, `head`."""
 
 from __future__ import annotations
 
 import statistics
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,17 +25,15 @@ from cortet.cli.values import (
 from cortet.errors import CortetError, InputError
 from cortet.formats.atomic import recorded
 from cortet.formats.ownership import may_write
-from cortet.geometry.limits import CLOSING_MM, PHANTOM_AGES, SHELL_MM, SUBDIVISIONS, THICKNESS_MM
+from cortet.geometry.limits import PHANTOM_AGES, SUBDIVISIONS, THICKNESS_MM
 
 if TYPE_CHECKING:
     from cortet.stages.gate import GateReport
 
-Handles = Annotated[int, number(0, 10_000, "N", whole=True)]
-
 
 def add_commands(app: App) -> None:
     """Add the commands on surfaces."""
-    add(app, SURFACES, gate, repair, layers, envelope, labels, phantom, head)
+    add(app, SURFACES, gate, repair, layers, phantom, head)
 
 
 @Parameter(name="*")
@@ -59,7 +57,11 @@ class Made:
 
 
 def gate(
-    surfaces: Annotated[Sequence[Path], Parameter(name="SURFACE")], /, *, allow_genus: Handles = 0, _: Common = Common()
+    surfaces: Annotated[Sequence[Path], Parameter(name="SURFACE")],
+    /,
+    *,
+    allow_genus: Annotated[int, number(0, 10_000, "N", whole=True)] = 0,
+    _: Common = Common(),
 ) -> int:
     """Check whether each surface can be meshed.
 
@@ -221,83 +223,6 @@ def head(
     for row in sizes:
         print(f"{row['name']:<12}{row['volume_ml']:>8.3f} mL")
     print(f"{output}: written: {', '.join(file.name for file in files.values())}")
-    return 0
-
-
-def envelope(
-    surfaces: Annotated[Sequence[Path], Parameter(name="SURFACE")],
-    /,
-    *,
-    output: Annotated[SurfaceFile, O],
-    distance: Annotated[float, number(*SHELL_MM, "MM")] = 2.0,
-    closing: Annotated[float, number(*SHELL_MM, "MM")] = CLOSING_MM,
-    _: Writes = Writes(),
-) -> int:
-    """Make a smooth closed surface around other surfaces.
-
-    Parameters
-    ----------
-    surfaces
-        Closed surfaces of one head, mm.
-    distance
-        Least distance from the surfaces (default: 2).
-    closing
-        Half the width of grooves to bridge (default: 15).
-
-    Examples
-    --------
-    cortet envelope lh.pial.surf.gii rh.pial.surf.gii -o skull.surf.gii
-    """
-    from cortet.formats.gifti import read_surface, write_surface
-    from cortet.geometry.envelope import envelope
-    from cortet.geometry.topology import enclosed_volume
-
-    given = [read_surface(file) for file in surfaces]
-    made = envelope(given, distance, closing=closing)
-    write_surface(replace(made, frame=given[0].frame), output)
-    volume = enclosed_volume(made.points, made.faces) / 1000
-    print(f"{output}: {len(made.points)} vertices, {volume:.1f} mL, at least {distance:g} mm away")
-    return 0
-
-
-def labels(
-    labels: Annotated[str, Parameter(name="VOLUME:LABELS")],
-    /,
-    *,
-    output: Annotated[SurfaceFile, O],
-    handles: Handles = 0,
-    _: Writes = Writes(),
-) -> int:
-    """Make a smooth closed surface around labels of a volume.
-
-    Parameters
-    ----------
-    labels
-        NIfTI or MGZ, and labels: dseg.nii.gz:3,4.
-    output
-        GIfTI; several components become NAME1.surf.gii and so on, the largest first.
-    handles
-        Number of handles to keep; cortet cuts or closes the others on the voxels (default: 0).
-
-    Examples
-    --------
-    cortet labels dseg.nii.gz:3,4 -o ventricles.surf.gii
-    """
-    from cortet.formats.gifti import write_surface
-    from cortet.formats.volumes import read_labels
-    from cortet.geometry.label_surface import Handles
-    from cortet.solver_files.label_surfaces import surfaces_of_labels
-
-    name = output.name.partition(".")[0]
-    volume, keys = read_labels(labels)
-    made, told = surfaces_of_labels(name, volume, keys, Handles(handles))
-    files = {own: output.with_name(output.name.replace(name, own, 1)) for own in made}
-    for file in files.values():
-        may_write(file)
-    for own, surface in made.items():
-        write_surface(surface, files[own])
-    print(*told, sep="\n")
-    print(f"{', '.join(map(str, files.values()))}: written")
     return 0
 
 

@@ -74,16 +74,12 @@ def named_file(text: str) -> tuple[str, str]:
     return name, file
 
 
-def size(text: str) -> tuple[str, float | None]:
-    """WHERE=MM, or a volume of cell sizes."""
-    from cortet.formats.volumes import is_volume
-
-    where, equals, value = text.rpartition("=")
-    if not equals and is_volume(text):
-        return text, None
-    if not where:
-        raise ValueError(f"{text!r} is not REGION=MM, VOLUME:LABELS=MM or a volume of sizes in mm")
-    return where, Number(*CELL_SIZE_MM).read(value)
+def size(text: str) -> tuple[str, float]:
+    """REGION=MM."""
+    region, _, value = text.partition("=")
+    if not (region and value):
+        raise ValueError(f"{text!r} is not REGION=MM")
+    return region, Number(*CELL_SIZE_MM).read(value)
 
 
 def inner_file(text: str) -> tuple[str, str]:
@@ -199,15 +195,11 @@ InnerFiles = Annotated[
     Sequence[tuple[str, str]],
     pairs(inner_file, "NAME=FILE", "[NAME=]FILE"),
     Parameter(
-        help="Closed surface inside SURFACE that bounds the region NAME (default: white), or labels of a volume, "
-        "VOLUME:5,6; repeatable."
+        help="Closed surface inside SURFACE that bounds the region NAME (default: white); repeatable.",
     ),
 ]
 Sizes = Annotated[
-    Sequence[tuple[str, float | None]],
-    pairs(size, "WHERE=MM"),
-    Parameter(
-        help="Smaller cells at the surface of a region (white=0.5), inside labels of a volume (dseg.nii.gz:5=0.5), or "
-        "by the voxels of a volume (sizes.nii.gz); repeatable."
-    ),
+    Sequence[tuple[str, float]],
+    pairs(size, "REGION=MM"),
+    Parameter(help="Smaller cells at the surface of a region, white=0.5; repeatable."),
 ]

@@ -29,9 +29,6 @@ Job = Mapping[str, str]
 #: a mesh of the line: name of its case, cell size in µm, mesher
 Mesh = tuple[str, int, str]
 
-#: matrix of `Config.placement`, or a message why it is not known
-Placement = tuple[tuple[float, ...], ...] | str | None
-
 #: arguments that name a file; what a job makes depends on the content of files, not on their names
 _LOCATIONS = ("source", "sphere_file")
 #: stages of the table of stages
@@ -159,16 +156,10 @@ class Jobs:
         """Whether the line of a case begins with its resampling onto the common mesh."""
         return self.config.enabled("resample") and self.case(job).sphere is not None
 
-    def placement(self, job: Job) -> Placement:
-        """Matrix that takes the coordinates of a case to mm; None if they are mm.
-
-        If the image of the case cannot be read, it is a message, which the job reports (`_job.Job.to_mm`).
-        """
+    def placement(self, job: Job) -> float | None:
+        """Factor from the coordinates of a case to mm; None if they are mm."""
         case = self.case(job)
-        try:
-            return None if case.is_phantom else self.config.placement(case.unit, case.affine)
-        except InputError as error:
-            return str(error)
+        return None if case.is_phantom else self.config.placement(case.unit)
 
     def facts(self, job: Job) -> dict[str, Any]:
         """What is known of the surface or mesh of a job, in the form for `cortet.stages.arguments_of`."""

@@ -27,25 +27,10 @@ class Plan(Jobs):
     """A whole run: its jobs, its failures, and the files over all cases."""
 
     def notices(self) -> list[str]:
-        """What a user should know of these cases before they run, in plain words."""
-        return [*self._absent_holes(), *self._ageless()]
-
-    def _ageless(self) -> list[str]:
-        """What is not done with the cases of unknown age; those that are to be folded by name need one."""
+        """What is not done with the cases of unknown age, in plain words; those to be folded by name need one."""
         asked = self.config.fold.cases
         smoothed = stages_of(self.config) != stages_of(self.config, aged=False)
         return ageless_notice([*self.cases.values()], smoothed=smoothed, folded=isinstance(asked, (str, int)))
-
-    def _absent_holes(self) -> list[str]:
-        """Holes that are asked for and that no case has."""
-        if not self.config.export.holes:
-            return []
-        from cortet.solver_files.holes import regions_of
-
-        names = sorted({name for case in self.sheet for name in case.inner})
-        absent = [hole for hole in self.config.export.holes if not regions_of(hole, names)]
-        known = f"they have {', '.join(names)}" if names else "they have none"
-        return [f"export.holes: no case has an inner surface {hole}, {known}" for hole in absent]
 
     def edited_exports(self) -> list[str]:
         """What was changed or deleted of the files for solvers since cortet wrote them, in sentences."""

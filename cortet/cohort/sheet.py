@@ -38,10 +38,10 @@ VOLUME_PREFIX = "volume_"
 INNER, INNER_PREFIX, WHITE = "inner", "inner_", "white"
 #: column of the sphere through which a surface is resampled
 SPHERE = "sphere"
-#: columns for coordinates that are not mm (`gate.unit`, `gate.affine`), and for a cell size of its own
-UNIT, AFFINE, CELL_SIZE = "unit", "affine", "cell_size"
+#: columns for coordinates that are not mm (`gate.unit`), and for a cell size of its own
+UNIT, CELL_SIZE = "unit", "cell_size"
 #: columns that name one file
-_FILES = ("surface", INNER, SPHERE, AFFINE)
+_FILES = ("surface", INNER, SPHERE)
 #: most characters of a label: a file name holds two labels and more, and has at most 255 characters
 LONGEST_LABEL = 40
 
@@ -80,9 +80,8 @@ class Case:
     inner: Mapping[str, Path | str] = field(default_factory=dict)
     #: sphere of `surface`, or `PHANTOM`; None if there is none
     sphere: Path | str | None = None
-    #: unit of the coordinates, and an image with the voxel-to-mm affine; None: as the configuration says
+    #: unit of the coordinates; None: as the configuration says
     unit: str | None = None
-    affine: Path | None = None
     #: cell size, mm; None: those of the configuration
     cell_size: float | None = None
     #: further columns of the sheet, carried through
@@ -101,7 +100,7 @@ class Case:
 
     @property
     def files(self) -> list[Path]:
-        """All files that the row names, except for the image of the affine."""
+        """All surfaces and fields that the row names."""
         named = [self.surface, self.sphere, *self.inner.values(), *self.fields.values()]
         return [file for file in named if isinstance(file, Path)]
 
@@ -194,7 +193,6 @@ def _row(case: Case, folder: Path) -> dict[str, str | float | None]:
         "surface": case.surface,
         **{_inner_column(name): file for name, file in case.inner.items()},
         **({SPHERE: case.sphere} if case.sphere else {}),
-        **({AFFINE: case.affine} if case.affine else {}),
         **{FIELD_PREFIX + name: file for name, file in case.fields.items()},
         **{VOLUME_PREFIX + name: file for name, file in case.volumes.items()},
     }
@@ -255,6 +253,8 @@ def _value_problems(column: str, value: str) -> Iterator[str]:
         yield from _name_problems(column, column.removeprefix(VOLUME_PREFIX), "name of a volume")
     if region in _STANDING and value not in MISSING:
         yield f"column {column}: {region!r} is a reserved name in every mesh (use another name)"
+    if column == "affine" and value not in MISSING:
+        yield "column affine: is gone (map the coordinates to mm first: CHANGELOG.md says how)"
     if column == UNIT and value not in (*UNITS, *MISSING):
         yield f"column {column}: {value!r} is not a unit (use {', '.join(UNITS)})"
     if column == CELL_SIZE and value not in MISSING and not _is_cell_size(number(value)):
@@ -341,7 +341,6 @@ def _case(row: Mapping[str, str], folder: Path) -> Case:
         inner=inner,
         sphere=alone.get(SPHERE),
         unit=given.get(UNIT),
-        affine=Path(alone[AFFINE]) if AFFINE in alone else None,
         cell_size=number(row.get(CELL_SIZE, "n/a")),
         extra={name: value for name, value in row.items() if not _is_known(name)},
     )

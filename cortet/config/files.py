@@ -126,8 +126,9 @@ _GONE = {
     ),
     **dict.fromkeys(
         (
-            *("cohort.fields", "quality", "repair.method", "repair.spacing", "smooth_boundary.method"),
-            *("export.map", "export.label_shares", "export.field_units"),
+            *("cohort.fields", "figures", "gate.affine", "quality"),
+            *("repair.method", "repair.spacing", "smooth_boundary.method"),
+            *("export.holes", "export.map", "export.label_shares", "export.field_units"),
         ),
         "CHANGELOG.md says what to use instead",
     ),

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import field_validator
 
 from cortet.config.fold import Fold
 from cortet.config.section import Positive, Section, Setting
-from cortet.config.sections import Certify, Cohort, Experiments, Export, Figures, Phantom
+from cortet.config.sections import Certify, Cohort, Experiments, Export, Phantom
 from cortet.config.stages import (
     Clean,
     Gate,
@@ -24,13 +24,7 @@ from cortet.config.stages import (
     Snap,
     Transfer,
 )
-from cortet.errors import InputError
-from cortet.formats import require_holes
-from cortet.formats.placement import matrix
-from cortet.formats.volumes import is_volume
-
-if TYPE_CHECKING:
-    from cortet.geometry.label_surface import Handles
+from cortet.formats.placement import UNITS
 
 
 class Config(Section):
@@ -64,7 +58,6 @@ class Config(Section):
     snap: Snap = Snap()
     certify: Certify = Certify()
     export: Export = Export()
-    figures: Figures = Figures()
     fold: Fold = Fold()
     experiments: Experiments = Experiments()
 
@@ -84,26 +77,6 @@ class Config(Section):
         """Whether the line contains `stage`."""
         return bool(getattr(getattr(self, stage, None), "enabled", True))
 
-    def handles(self) -> Handles:
-        """What is done about handles of labels, which are mended on the voxels: nothing if `repair` is off."""
-        from cortet.geometry.label_surface import AS_THEY_ARE, Handles
-
-        if not self.repair.enabled:
-            return AS_THEY_ARE
-        return Handles(self.gate.allow_genus, self.repair.max_volume_change)
-
-    def require_workflow(self) -> None:
-        """Raise InputError for settings that a single mesh may have but a cohort may not."""
-        if volumes := [name for name in self.generate.sizes if is_volume(name)]:
-            raise InputError(
-                f"generate.sizes names the volume {volumes[0]}, which would apply to every case",
-                remedy="name regions, or mesh each case with `cortet mesh`",
-            )
-        if self.export.holes and self.export.ten_nodes:
-            raise InputError("export.ten_nodes cannot be combined with export.holes", remedy="leave one of the two out")
-        for solver in self.export.formats:
-            require_holes(self.export.holes, solver)
-
     def export_arguments(self, solver: str) -> dict[str, Any]:
         """Arguments of `export` for one format, plain values."""
         export = self.export
@@ -111,17 +84,15 @@ class Config(Section):
             "solver": solver,
             "uncertified": export.uncertified,
             "unit": export.carp_unit,
-            "holes": export.holes,
             "interior": self.transfer.interior,
         }
 
-    def placement(
-        self, unit: str | None = None, affine: str | Path | None = None
-    ) -> tuple[tuple[float, ...], ...] | None:
-        """Matrix that maps stored coordinates to mm (`formats.placement.matrix`); None if they are mm.
+    def placement(self, unit: str | None = None) -> float | None:
+        """Factor from stored coordinates to mm; None if they are mm.
 
         Parameters
         ----------
-        unit, affine : of one case; None: as `gate.unit` and `gate.affine` say
+        unit : of one case; None: as `gate.unit` says
         """
-        return matrix(unit or self.gate.unit, affine or self.gate.affine)
+        named = unit or self.gate.unit
+        return None if named == "mm" else UNITS[named]

@@ -101,16 +101,6 @@ class Phantom(Section):
     weeks on, the folds are too narrow for the default."""
 
 
-class Figures(Section):
-    """Figures over all cases."""
-
-    journal: Literal["cortet", "nature", "elsevier", "plos", "ieee"] = "cortet"
-    """Page width, font and font size: cortet (183 mm, DejaVu Sans, 7 pt), nature (183 mm, Arial, 7 pt), elsevier (190
-    mm, Arial, 7 pt), plos (190.5 mm, Arial, 8 pt) or ieee (182 mm, Times, 8 pt). If the font is not installed, the
-    Liberation font of the same metrics replaces it, or else DejaVu Sans. The colours are safe for colour-blind
-    readers."""
-
-
 class Export(Section):
     """Files for solvers."""
 
@@ -134,8 +124,6 @@ class Export(Section):
     """Field of the cohort, mm, that replaces cortex_depth, e.g. thickness."""
     medial_wall: dict[str, list[int]] = {}
     """Label fields and the keys that mark the medial wall, e.g. {parcellation: [0]}. All other faces are cortex."""
-    holes: list[str] = []
-    """Inner regions to leave empty in the files, e.g. [ventricle]. Their walls are the faces `hole_surface`."""
     tags: str | None = None
     """Label volume whose labels replace the regions as the numbers of tetrahedra, e.g. tissue. Formats with one number
     per tetrahedron cannot hold both. null: the regions."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -70,15 +69,12 @@ class Repair(Section):
 class Gate(Section):
     """Checks that every input surface must pass before it is meshed."""
 
-    choices: ClassVar[frozenset[str]] = Section.choices | {"unit", "affine"}
+    choices: ClassVar[frozenset[str]] = Section.choices | {"unit"}
 
     allow_genus: NonNegativeInt = 0
     """Largest accepted genus. 0, a topological sphere, is right for a hemisphere."""
     unit: Literal[tuple(UNITS)] = "mm"  # type: ignore[valid-type]
     """Unit of the coordinates of the input surfaces: mm, m, cm or um. A column `unit` of the sheet overrides it."""
-    affine: Path | Annotated[list[list[float]], Field(min_length=4, max_length=4)] | None = None
-    """For coordinates that are voxel indices: an image (.nii.gz, .mgz) with the voxel-to-mm affine, or the four rows of
-    that matrix. A column `affine` of the sheet overrides it. null: coordinates are not voxel indices."""
 
 
 class SmoothSurface(Section):
@@ -171,10 +167,9 @@ class Generate(Section):
     size_field: str | None = None
     """lattice: field of the surface with the cell size at each vertex, mm, where it should be smaller than h (down to
     0.35 h). Cells grow back to h away from there."""
-    sizes: dict[str, Positive | None] = {}
-    """lattice: cell sizes, mm, at the surface of a region or inside labels of a volume, where they should be smaller
-    than h (down to 0.35 h): {white: 0.5, dseg.nii.gz:thalamus: 0.4}. {sizes.nii.gz: null} reads them from the voxels.
-    Only `cortet mesh` accepts volumes. Cells grow back to h away from there."""
+    sizes: dict[str, Positive] = {}
+    """lattice: cell sizes, mm, at the surfaces of regions, where they should be smaller than h (down to 0.35 h), e.g.
+    {white: 0.5}. Cells grow back to h away from there."""
 
     @property
     def passes(self) -> tuple[str, ...]:

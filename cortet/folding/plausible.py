@@ -56,7 +56,7 @@ _TETS_PER_CUBE = 4.0
 _SIDES = {(axis, sign): f"{'+' if sign > 0 else '-'}{'xyz'[axis]}" for axis in range(3) for sign in (1, -1)}
 
 
-def refuse_shell(regions: Collection[str]) -> None:
+def refuse_space_around(regions: Collection[str]) -> None:
     """Raise InputError if another region surrounds the brain: the model's cortex ends at the boundary.
 
     Parameters
@@ -64,9 +64,8 @@ def refuse_shell(regions: Collection[str]) -> None:
     regions : names of the regions of a mesh, or of its sets of tetrahedra
     """
     if around := [name for name in AROUND if name in regions]:
-        raise InputError(
-            f"the mesh has the region {around[0]} around the brain", remedy="mesh the brain without a shell"
-        )
+        what = f"the mesh has the region {around[0]} around the brain"
+        raise InputError(what, remedy="mesh the brain without a surface around it")
 
 
 def check_mesh(mesh: TetMesh, settings: Settings) -> list[str]:
@@ -79,7 +78,7 @@ def check_mesh(mesh: TetMesh, settings: Settings) -> list[str]:
         of its age in mm; other regions surround the brain; or its medial side is another than the hemisphere says
     """
     require_measurable(mesh)
-    refuse_shell(mesh.sets.cells)
+    refuse_space_around(mesh.sets.cells)
     require_positive(signed_volumes(mesh.points, mesh.cells))
     if (pieces := components(mesh.cells)) > 1:
         raise InputError(f"the mesh has {pieces} separate pieces", remedy="fold each brain or hemisphere by itself")

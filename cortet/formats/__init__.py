@@ -6,7 +6,6 @@ used, so naming formats costs nothing.
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -41,11 +40,6 @@ class Format:
     is_surface: bool = False
     #: whether its files get q of each tetrahedron, as those that viewers open do
     has_q: bool = False
-
-    @property
-    def names_faces(self) -> bool:
-        """Whether it holds named sets of faces."""
-        return self.has_groups or "faces" in self.holds
 
     def write(self, content: TetMesh | TriSurface, path: Path, **options: Any) -> None:
         """Write a TetMesh, or a TriSurface if the format is that of a surface."""
@@ -105,13 +99,3 @@ def read_mesh(path: Path, *, unit: str = "um") -> TetMesh:
         return by_meshio.read(path)
     remedy = f"give the .vtu of the mesh, or a file that ends in {', '.join(['.pts', *by_meshio.READERS])}"
     raise InputError("has a file extension that cortet does not read as a mesh", file=path, remedy=remedy)
-
-
-def require_holes(holes: Collection[str], solver: str) -> None:
-    """Raise InputError for holes in a format that names no faces, where a hole would be mistaken for a void."""
-    if holes and not FORMATS[solver].names_faces:
-        able = ", ".join(form.suffix for form in FORMATS.values() if form.names_faces)
-        raise InputError(
-            f"{FORMATS[solver].suffix} files cannot distinguish the hole {next(iter(holes))} from a void",
-            remedy=f"write a file that ends in {able}, or do not leave out the hole",
-        )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.geometry.topology import TET_FACES, boundary, boundary_faces, packed
-from cortet.meshes import HOLE_SURFACE, INNERMOST, OUTERMOST, IntArray, MeshSets, TetMesh
+from cortet.meshes import INNERMOST, OUTERMOST, IntArray, MeshSets, TetMesh
 
 #: the two parts of the boundary of a brain; every boundary face belongs to one of them
 CORTICAL_SURFACE, MEDIAL_WALL = "cortical_surface", "medial_wall"
@@ -20,7 +20,7 @@ CORTEX, CORE = OUTERMOST, INNERMOST
 #: suffix of the name of a set of faces between two regions, counter-clockwise seen from outside the inner region
 INTERFACE = "_interface"
 #: the sets that divide the boundary of a mesh
-SURFACE = (CORTICAL_SURFACE, MEDIAL_WALL, OUTER_SURFACE, HOLE_SURFACE)
+SURFACE = (CORTICAL_SURFACE, MEDIAL_WALL, OUTER_SURFACE)
 
 
 def with_surface(mesh: TetMesh) -> TetMesh:

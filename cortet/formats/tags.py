@@ -2,7 +2,7 @@
 
 Regions count from 1, from the outside in, as the cell data `region` of a mesh does. Without inner surfaces `cortex` is
 1 and `core` is 2; `core` is 1 where there is no cortex. Parts of the surface have numbers above 100, so that no number
-means two things: 101 to 104 are those of `SURFACE`, and 110 + n is the interface around region n. Where a region has a
+means two things: 101 to 103 are those of `SURFACE`, and 110 + n is the interface around region n. Where a region has a
 number above 99, such as a label of a volume, the next power of ten replaces 100.
 """
 

@@ -48,7 +48,7 @@ _TO_FLAG, _FLAG = 28, 2
 #: numbers of a tensor, and where xx, yy, zz, xy, yz, xz stand in each order
 _TENSOR = 6
 _ORDERS = {"tensors": [0, 3, 5, 1, 4, 2], "mrtrix": [0, 1, 2, 3, 5, 4], "symmetric": [0, 2, 5, 1, 4, 3]}
-_SPELLING = re.compile(r"(?P<file>.+\.(?:nii|nii\.gz|mgz|mgh))(?::(?P<what>[^:/]*))?")
+_SPELLING = re.compile(r"(?P<file>.+\.(?:nii|nii\.gz|mgz|mgh))(?::(?P<kind>[^:/]*))?")
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,45 +77,19 @@ def to_scanner(points: FloatArray, frame: CoordinateFrame) -> FloatArray:
     return np.asarray(points @ whole[:3, :3].T + whole[:3, 3])
 
 
-def is_volume(text: str) -> bool:
-    """Whether a text names a volume, with or without a kind or labels after it."""
-    return _SPELLING.fullmatch(text) is not None
-
-
 def volume_file(text: str) -> str:
-    """The file that `FILE` or `FILE:WHAT` names; other texts stay as they are."""
+    """The file that `FILE` or `FILE:KIND` names; other texts stay as they are."""
     match = _SPELLING.fullmatch(text)
     return match["file"] if match else text
 
 
 def read_named(text: str) -> Volume:
     """The volume that `FILE` or `FILE:KIND` names. Raises InputError as `read_volume`, and for another kind."""
-    kind: Any = (match := _SPELLING.fullmatch(text)) and match["what"]
+    kind: Any = (match := _SPELLING.fullmatch(text)) and match["kind"]
     if kind is not None and kind not in get_args(Kind):
         remedy = f"use {', '.join(get_args(Kind))}"
         raise InputError(f"{kind!r} is not a kind of volume", file=volume_file(text), remedy=remedy)
     return read_volume(volume_file(text), kind)
-
-
-def read_labels(text: str) -> tuple[Volume, list[int]]:
-    """The volume and the labels that `FILE:5` or `FILE:5,6` names; a label may also be given by its name."""
-    match = _SPELLING.fullmatch(text)
-    if match is None or not match["what"]:
-        what = "is a volume, not a surface" if match else "is not a volume"
-        raise InputError(what, file=text, remedy="give NIfTI or MGZ, and which labels to take: FILE.nii.gz:5,6")
-    volume = read_volume(match["file"], "labels")
-    there = np.unique(volume.values).tolist()
-    keys = []
-    for word in match["what"].split(","):
-        named = [number for number, name in volume.names.items() if name == word]
-        if re.fullmatch(r"-?\d{1,18}", word):
-            named = [int(word)]
-        if len(named) != 1 or named[0] not in there:
-            shown = ", ".join(f"{one} {volume.names.get(one, '')}".strip() for one in there[:20] if one)
-            many = f", but {len(named)} labels have that name: use their numbers" if len(named) > 1 else ""
-            raise InputError(f"has no label {word!r}{many}", file=match["file"], remedy=f"it has {shown or 'none'}")
-        keys += named
-    return volume, keys
 
 
 def read_volume(path: str | Path, kind: Kind | None = None) -> Volume:
@@ -195,7 +169,7 @@ def _content(image: SpatialImage, path: str | Path) -> tuple[NDArray[Any], Float
             remedy = "extract one volume, for example with fslroi or mrconvert -coord 3 0"
             raise InputError(what, file=path, remedy=remedy)
         affine = np.asarray(image.affine, float)
-        require_geometry(image, path)
+        _require_geometry(image, path)
         _require_mm(image, affine, path)
         _say_disagreement(image, path)
         values = np.asarray(image.dataobj)
@@ -204,7 +178,7 @@ def _content(image: SpatialImage, path: str | Path) -> tuple[NDArray[Any], Float
     return values.reshape((*shape[:3], *more)), affine, "symmetric" if more and len(shape) == 5 else ""
 
 
-def require_geometry(image: Any, path: str | Path) -> None:
+def _require_geometry(image: Any, path: str | Path) -> None:
     """Raise InputError for a header that does not say where the voxels are; NiBabel then assumes something."""
     from nibabel.openers import ImageOpener
 
@@ -223,7 +197,7 @@ def require_geometry(image: Any, path: str | Path) -> None:
         )
 
 
-def is_singular(affine: FloatArray) -> bool:
+def _is_singular(affine: FloatArray) -> bool:
     """Whether an affine (4, 4) flattens space, or is not finite there."""
     linear = affine[:3, :3]
     return not abs(np.linalg.det(linear)) > _SINGULAR * np.prod(np.linalg.norm(linear, axis=0))
@@ -231,7 +205,7 @@ def is_singular(affine: FloatArray) -> bool:
 
 def _require_mm(image: Any, affine: FloatArray, path: str | Path) -> None:
     """Raise InputError for an affine that is none, or whose coordinates are not mm."""
-    if is_singular(affine):
+    if _is_singular(affine):
         raise InputError("its affine is singular or not finite", file=path, remedy="export it again")
     widths = np.linalg.norm(affine[:3, :3], axis=0)
     unit = image.header.get_xyzt_units()[0] if hasattr(image.header, "get_xyzt_units") else "mm"

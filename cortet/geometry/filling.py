@@ -23,12 +23,11 @@ from cortet.geometry.topology import (
     boundary_surface,
     component_labels,
     neighbours,
-    packed,
     surface_topology,
     used_vertices,
 )
 from cortet.geometry.winding import winding_numbers
-from cortet.meshes import HOLE_SURFACE, FloatArray, IntArray, TetMesh
+from cortet.meshes import FloatArray, IntArray, TetMesh
 
 #: a part of the boundary is a slit without width if it encloses at most this share of the volume inside the boundary
 _NO_VOLUME = 1e-12
@@ -93,30 +92,24 @@ def flaws(mesh: TetMesh) -> tuple[Flaw, ...]:
     )
 
 
-def broken_body(mesh: TetMesh, *, holes: bool = False) -> list[str]:
+def broken_body(mesh: TetMesh) -> list[str]:
     """Reasons, in plain words, why tetrahedra fill no bodies that a solver can run on; empty if they do.
 
     Parameters
     ----------
     mesh : all its indices are valid; it may consist of several bodies that do not touch
-    holes : whether a void is intended if all its faces are in the set `hole_surface`
     """
-    found = (*flaws(mesh), *_touching(mesh))
-    if holes and HOLE_SURFACE in mesh.sets.faces:
-        unmeant = {flaw.id: flaw for flaw in _inside_others(mesh, mesh.sets.faces[HOLE_SURFACE])}
-        found = tuple(unmeant.get(flaw.id, flaw) for flaw in found)
-    return [flaw.sentence for flaw in found if flaw.count]
+    return [flaw.sentence for flaw in (*flaws(mesh), *_touching(mesh)) if flaw.count]
 
 
-def require_body(mesh: TetMesh, file: object = None, *, holes: bool = False) -> None:
+def require_body(mesh: TetMesh, file: object = None) -> None:
     """Raise InputError if tetrahedra fill no bodies that a solver can run on.
 
     Parameters
     ----------
     file : the file that the mesh was read from; the message names it
-    holes : as in `broken_body`
     """
-    broken = broken_body(mesh, holes=holes)
+    broken = broken_body(mesh)
     if unused := len(mesh.points) - len(used_vertices(mesh.cells, len(mesh.points))):
         broken.append(f"{unused} nodes belong to no tetrahedron")
     if broken:
@@ -152,15 +145,11 @@ def _repeated(cells: IntArray) -> NDArray[np.int64]:
     return np.setdiff1d(np.arange(len(cells)), first)
 
 
-def _inside_others(mesh: TetMesh, meant: IntArray | None = None) -> tuple[Flaw, ...]:
+def _inside_others(mesh: TetMesh) -> tuple[Flaw, ...]:
     """Parts of the boundary that enclose voids, and bodies that overlap others; none if the boundary is one part.
 
     The boundary of a void faces inward; that of a closed slit encloses nothing. Where bodies overlap, the boundary
     winds more than once around a point.
-
-    Parameters
-    ----------
-    meant : (k, 3) nodes of faces; parts of the boundary that consist of them are not voids
     """
     surface, _ = boundary_surface(mesh)
     number, part = np.unique(component_labels(surface.faces)[surface.faces[:, 0]], return_inverse=True)
@@ -169,10 +158,6 @@ def _inside_others(mesh: TetMesh, meant: IntArray | None = None) -> tuple[Flaw, 
     a, b, c = (surface.points - surface.points.mean(axis=0))[surface.faces].transpose(1, 0, 2)
     volumes = np.bincount(part, np.einsum("ij,ij->i", a, np.cross(b, c)))
     walls = np.flatnonzero(~(volumes > _NO_VOLUME * np.abs(volumes.sum())))
-    if meant is not None:
-        every = packed(np.concatenate([boundary(mesh).faces, meant]))
-        strange = np.bincount(part, ~np.isin(every[: len(part)], every[len(part) :]))
-        walls = walls[strange[walls] > 0]
     behind = mesh.points[mesh.cells[boundary(mesh).cells]].mean(axis=1)
     overlapping = np.unique(part[winding_numbers(surface, behind) > _TWICE])
     centres = surface.points[surface.faces].mean(axis=1)

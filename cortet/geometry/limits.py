@@ -25,8 +25,6 @@ SCAN_AGES = (12.0, 60.0)
 FOLD_AGES = (20.0, 60.0)
 #: bounds of a synthetic cortex: age, weeks, and thickness, mm
 PHANTOM_AGES, THICKNESS_MM = (21.0, 38.0), (0.1, 10.0)
-#: distance of a shell from the brain, mm; and half the width of the grooves that it spans
-SHELL_MM, CLOSING_MM = (0.5, 50.0), 15.0
 #: layers of a cortex; laminar models have 3 to 20
 MOST_LAYERS = 100
 

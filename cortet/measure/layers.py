@@ -130,7 +130,7 @@ def cortical_columns(mesh: TetMesh, inner: Iterable[str]) -> Cortex:
     numbers = cortex_and_white(mesh, names)
     if numbers is None:
         what = f"the mesh has no cortex around {WHITE}, but the regions {', '.join(region_names(names))}"
-        remedy = f"mesh with an inner surface {WHITE} directly inside the cortex, and without a hole there"
+        remedy = f"mesh with an inner surface {WHITE} directly inside the cortex"
         raise InputError(what, remedy=remedy)
     return _columns_between(mesh, *numbers)
 

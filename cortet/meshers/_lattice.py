@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from contextlib import chdir
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
@@ -22,9 +21,6 @@ from scipy.spatial import KDTree
 from cortet.geometry.closest_point import closer_than, tree_of
 from cortet.meshers._remesh import GROWTH
 from cortet.meshes import FloatArray, IntArray, TriSurface
-
-if TYPE_CHECKING:
-    from cortet.meshers.mesher import Sources
 
 #: side of the lattice's cubes over the cell size: circumradii are sqrt(5) / 4 of it, 0.86 of the cell size
 CONSTANT = 1.54
@@ -76,7 +72,6 @@ def graded_nodes(
     core_depth: float,
     walls: TriSurface | None = None,
     plateau: float = 0.0,
-    sources: Sources | None = None,
 ) -> FloatArray:
     """Nodes of the lattice, and of finer ones near smaller triangles, (n, 3) float64 mm.
 
@@ -86,22 +81,17 @@ def graded_nodes(
     edge_length : mm, of the walls where the lattice has its usual spacing
     cell_size, core_ratio, core_depth, walls : as in `lattice_nodes`
     plateau : distance from a wall where the lattice begins to grow, over the edge length there
-    sources : further points, with the edge lengths that they require
     """
     nodes = lattice_nodes(boundary, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth, walls=walls)
     walls = walls or boundary
     tree = tree_of(walls)
     kept = np.zeros((0, 3))
-    centres, flat = walls.points, plateau * size
-    if sources is not None and len(sources.points):
-        centres, size = np.concatenate([centres, sources.points]), np.concatenate([size, sources.sizes])
-        flat = np.concatenate([flat, np.zeros(len(sources.points))])
     ratio = _finest(size.min() / edge_length)
     while ratio < 1:
         reach = (edge_length * ratio * _STEP**0.5 - size) / GROWTH
         near = reach > 0
-        reach = reach + flat
-        finer = _near_inside(boundary, CONSTANT * cell_size * ratio, centres[near], reach[near])
+        reach = reach + plateau * size
+        finer = _near_inside(boundary, CONSTANT * cell_size * ratio, walls.points[near], reach[near])
         finer = finer[~closer_than(tree, finer, GAP * cell_size * ratio)]
         kept = np.concatenate([kept, _apart(finer, kept, GAP * cell_size * ratio * (1 + 1 / _STEP))])
         ratio *= _STEP

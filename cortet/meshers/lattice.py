@@ -41,7 +41,7 @@ def fill(surface: TriSurface, settings: Generate, facts: Facts) -> Filled:
     from cortet.meshers._nested import remesh_apart, wanted
     from cortet.meshers._sizes import sizes_on
 
-    sizes = sizes_on(surface, settings, facts)
+    sizes = sizes_on(surface, settings, facts.cell_size)
     attempts: list[Attempt] = []
     for fraction in settings.edge_length:
         began = time.perf_counter()
@@ -88,7 +88,6 @@ def _meshed(
         core_depth=settings.core_depth,
         walls=joined(walls),
         plateau=across / 2 if across > 1 else 0,  # from both sides to the middle
-        sources=facts.sources._replace(sizes=edge / facts.cell_size * facts.sources.sizes),
     )
     points, cells = tetrahedralised(joined(walls), nodes)
     mesh, flat = well_ordered(points, cells, regions_of(points, cells, walls) if surface.inner else None)

@@ -6,20 +6,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cortet.meshes import FloatArray, TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 
 if TYPE_CHECKING:
     from cortet.config.stages import Generate
     from cortet.geometry.topology import SurfaceTopology
-
-
-class Sources(NamedTuple):
-    """Points inside that require a cell size; away from them it grows to that of the mesh."""
-
-    #: (k, 3) mm
-    points: FloatArray
-    #: (k,) mm
-    sizes: FloatArray
 
 
 class Facts(NamedTuple):
@@ -27,8 +18,6 @@ class Facts(NamedTuple):
 
     #: mm
     cell_size: float
-    #: voxels of the volumes in `generate.sizes`
-    sources: Sources
     #: least number of tetrahedra between the surface and those inside it
     elements_across: int
     #: minutes that a mesher of another project may take; None: no limit

@@ -75,20 +75,18 @@ def figures(plan: Plan) -> Results:
     def facts() -> Any:
         """Whose meshes the series shows, without the paths of files."""
         brains = [{"name": one["name"], "age": one["age"], "meshes": list(one["meshes"])} for one in of.series()]
-        return {"brains": brains, "h": size, "limit": plan.config.certify.q_max, "look": plan.config.figures.journal}
+        return {"brains": brains, "h": size, "limit": plan.config.certify.q_max}
 
     def write() -> None:
         from cortet.paper.pooled_quality import draw_pooled
         from cortet.paper.series import draw_series
-        from cortet.report.figures import look
 
         named = {name: str(setting.setting) for name, setting in plan.settings.items()}
         settings = {named[name]: (mesher, plan.settings[name].target) for name, mesher in of.mesher_of.items()}
-        with look(plan.config.figures.journal):
-            for res, files in pooled.items():
-                records = of.made(of.pooled_records(res))
-                draw_pooled(records, files, settings=settings, limit=plan.config.certify.q_max)
-            draw_series(of.series(), series, cell_size=size)
+        for res, files in pooled.items():
+            records = of.made(of.pooled_records(res))
+            draw_pooled(records, files, settings=settings, limit=plan.config.certify.q_max)
+        draw_series(of.series(), series, cell_size=size)
 
     every = [path for paths in pooled.values() for path in paths]
     return Results([*every, *series], inputs, facts, write)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from contextvars import ContextVar
-from dataclasses import dataclass
 from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
@@ -17,7 +15,6 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.font_manager import get_font_names
 from matplotlib.ticker import MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
@@ -35,6 +32,7 @@ HEMISPHERES = {"L": (BLUE, "o", "left"), "R": (VERMILION, "^", "right"), "n/a": 
 
 STYLE = {
     "font.family": "DejaVu Sans",  # comes with Matplotlib: the same letters everywhere
+    "mathtext.fontset": "dejavusans",
     "font.size": 7,
     "axes.labelsize": "medium",
     "axes.titlesize": "medium",
@@ -56,32 +54,6 @@ STYLE = {
 }
 
 
-@dataclass(frozen=True)
-class Look:
-    """What a journal asks of figures."""
-
-    #: width of both columns, mm
-    width: float
-    #: families of fonts, the first of which that is installed is taken
-    fonts: tuple[str, ...]
-    #: size of the letters, points
-    size: float
-    #: of formulas, as Matplotlib names them
-    formulas: str
-
-
-_SANS, _SERIF = ("Arial", "Helvetica", "Liberation Sans"), ("Times New Roman", "Times", "Liberation Serif")
-#: by the names in the section `figures` of the configuration; widths and sizes from the journals' guides to authors
-LOOKS = {
-    "cortet": Look(PAGE * 25.4, (), 7, "dejavusans"),
-    "nature": Look(183, _SANS, 7, "stixsans"),
-    "elsevier": Look(190, _SANS, 7, "stixsans"),
-    "plos": Look(190.5, _SANS, 8, "stixsans"),
-    "ieee": Look(181.9, _SERIF, 8, "stix"),
-}
-#: the look of what is drawn now
-_LOOK: ContextVar[Look] = ContextVar("_LOOK", default=LOOKS["cortet"])
-
 #: the measure of quality as figures write it: by itself, as the label of its axis, and its largest value
 Q, Q_AXIS, Q_MAX = "$q$", "$q$ (0 regular, 1 flat)", r"$q_\mathrm{max}$"
 #: the cell size as figures write it
@@ -98,33 +70,10 @@ PANELS = {
 
 
 @contextmanager
-def look(name: str) -> Iterator[None]:
-    """Draw and save in the look of a journal, a key of `LOOKS`."""
-    before = _LOOK.set(LOOKS[name])
-    try:
-        yield
-    finally:
-        _LOOK.reset(before)
-
-
-def _style() -> dict[str, Any]:
-    now = _LOOK.get()
-    installed = [font for font in now.fonts if font in get_font_names()]  # Matplotlib warns of each that is not
-    fonts = {"font.family": [*installed[:1], STYLE["font.family"]]}
-    return {**STYLE, **fonts, "font.size": now.size, "mathtext.fontset": now.formulas}
-
-
-@contextmanager
 def drawn(width: float, height: float) -> Iterator[Figure]:
-    """A figure in the common style, inches. It is laid out once, when complete: a second layout would shift it.
-
-    Parameters
-    ----------
-    width, height : where a page is `PAGE` wide; both follow the width of the journal's page
-    """
-    wider = _LOOK.get().width / 25.4 / PAGE
-    with mpl.rc_context(_style()):
-        figure = Figure(figsize=(wider * width, wider * height), layout="constrained")
+    """A figure in the common style, inches. It is laid out once, when complete: a second layout would shift it."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(width, height), layout="constrained")
         yield figure
         figure.draw_without_rendering()
     figure.set_layout_engine("none")
@@ -289,7 +238,7 @@ def save(figure: Figure, *paths: str | Path) -> None:
     for path in map(Path, paths):
         kind = path.suffix.removeprefix(".")
         metadata = {"pdf": {"CreationDate": None, "Producer": None, "Creator": None}, "svg": {"Date": None}}
-        with mpl.rc_context(_style()), atomic_path(path) as temporary:
+        with mpl.rc_context(STYLE), atomic_path(path) as temporary:
             figure.savefig(temporary, format=kind, metadata=metadata.get(kind, {"Software": None}))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cortet.errors import InputError, StageError
-from cortet.formats import FORMATS, Format, format_of, read_mesh, require_holes
+from cortet.formats import FORMATS, Format, format_of, read_mesh
 from cortet.formats.atomic import atomic_folder, write_json
 from cortet.formats.hashing import mesh_sha256
 from cortet.formats.ownership import final_name, may_write
@@ -23,7 +23,6 @@ from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, MeshSets, TetMesh, TriSurface
 from cortet.solver_files.conventions import broken_conventions
 from cortet.solver_files.fields import FieldSource, field_sources, with_q, without_q
-from cortet.solver_files.holes import hollow
 from cortet.solver_files.meshed import Origin, moved
 from cortet.solver_files.names import held, left_out, writable
 from cortet.solver_files.sets import named_sets, tagged
@@ -101,7 +100,6 @@ def export(
     certificate: Mapping[str, Any],
     uncertified: bool = False,
     unit: str = "um",
-    holes: Collection[str] = (),
     **about: Any,
 ) -> list[str]:
     """Write `path`, the files that belong to it and its sidecar, complete or not at all.
@@ -113,7 +111,6 @@ def export(
     certificate : content of the mesh's certificate.json
     uncertified : write the mesh even if it is not certified
     unit : unit of the coordinates, ``mm`` or ``um``, for formats that do not state it
-    holes : inner regions whose tetrahedra are left out; the certificate is that of the whole mesh
     about : `frame`, `sources`, `interior` and `made_from`, as `sidecar.sidecar` takes them
 
     Returns
@@ -123,14 +120,11 @@ def export(
     Raises
     ------
     InputError
-        a region lies in a hole, the format knows no holes, or a field has no real numbers
+        a field has no real numbers
     StageError
         the certificate is of a different mesh, or the mesh is not certified or breaks a convention of solvers
     """
-    require_holes(holes, solver)
     require_certified(mesh, certificate, path, uncertified=uncertified)
-    if len((hollowed := hollow(mesh, holes)).cells) < len(mesh.cells):
-        mesh, about["made_from"] = hollowed, {**(about.get("made_from") or {}), "holes": list(holes)}
     return _write_all(mesh, path, FORMATS[solver], unit, final_name(path), about)
 
 
@@ -212,10 +206,9 @@ def convert(
         the mesh breaks a convention of solvers
     """
     written_as, record = format_of(target), read_sidecar(source)
-    require_holes((record.get("made_from") or {}).get("holes", ()), written_as.name)
     done = [f"{source.name} was {CHANGED}"] if changed_since(source) else []
     mesh = _in_mm(source, record, source_unit)
-    require_body(mesh, source, holes=True)
+    require_body(mesh, source)
     surface_nodes = boundary_nodes(mesh)
     if surface_nodes[-1] != len(surface_nodes) - 1:
         mesh = surface_nodes_first(mesh)[0]

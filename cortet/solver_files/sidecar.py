@@ -57,8 +57,6 @@ def sidecar(
     ----------
     content : what the files hold, in mm; the boundary for formats of surfaces
     meant : the mesh that was written, with the names that a format may not hold
-    files : files of the export
-    unit : unit of the coordinates in the file
     frame : coordinate system of the surface the mesh was made from
     sources : name of a field -> where it came from
     interior : how interior nodes got their values; None if that is not known
@@ -125,7 +123,6 @@ class _MadeFrom(BaseModel):
     meshed: dict[str, _Surface]
     hemisphere: Literal["L", "R"] | None = None
     gestational_age: Annotated[FiniteFloat, Field(strict=True)] | None = None
-    holes: list[str] = []
     #: share of the volume of each layer of the cortex, the outermost first
     layers: list[FiniteFloat] = []
 

@@ -20,14 +20,13 @@ from cortet.formats.gifti import read_surface
 from cortet.formats.hashing import input_sha256
 from cortet.formats.placement import placed
 from cortet.formats.surface_sets import among, sides
-from cortet.formats.volumes import is_volume
 from cortet.geometry.closest_point import closest_points, surface_tree, tree_of
 from cortet.geometry.containing import containing
 from cortet.geometry.interpolation import applied, at_triangles, is_label
 from cortet.geometry.nesting import sheets
-from cortet.geometry.topology import compact, edges, sheet, vertex_normals
+from cortet.geometry.topology import edges, sheet, vertex_normals
 from cortet.measure.quality import signed_volumes
-from cortet.meshes import HOLE_SURFACE, REGION, FloatArray, IntArray, TetMesh, TriSurface, region_names
+from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, TriSurface, region_names
 from cortet.solver_files.meshed import meshed_surface, parameters_of, recorded_file
 from cortet.solver_files.sidecar import changed_since, read_sidecar
 
@@ -276,19 +275,12 @@ def _given_file(mesh: Path, given: Mapping[str, Mapping[str, str]]) -> Path:
     """The file of the outermost surface that a mesh was made from, which must be as it was then."""
     if not given:
         raise InputError("no sidecar records the surface it was made from", file=mesh, remedy="name it with --surface")
-    outermost = next(iter(given.values()))
-    if is_volume(outermost["file"]):
-        raise InputError("holds labels, not a surface", file=outermost["file"], remedy="name a surface with --surface")
-    return recorded_file(mesh, outermost)
+    return recorded_file(mesh, next(iter(given.values())))
 
 
 def _faces_of(mesh: TetMesh, number: int) -> tuple[TriSurface, IntArray]:
-    """The faces of a mesh that represent a surface, without those of holes, and the node of each of their vertices."""
+    """The faces of a mesh that represent a surface, and the node of each of their vertices."""
     surface, nodes = sheet(mesh, number)
-    holes = mesh.sets.faces.get(HOLE_SURFACE)
-    if holes is not None and len(holes) and number == 0:
-        points, faces, used = compact(surface.points, surface.faces[~among(nodes[surface.faces], holes)])
-        surface, nodes = TriSurface(points, faces), nodes[used]
     if not len(surface.faces):
         raise InputError(
             f"the mesh has no faces of surface {number}", remedy="name a region whose surface is part of the mesh"

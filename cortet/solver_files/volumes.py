@@ -20,7 +20,6 @@ from cortet.geometry.coverage import Coverage, coverage
 from cortet.geometry.limits import NAME
 from cortet.geometry.mending import measurable
 from cortet.geometry.nesting import joined
-from cortet.geometry.remembering import once_per_object
 from cortet.geometry.voxels import in_voxels, labels_inside, means_inside
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import REGION, CoordinateFrame, FloatArray, IntArray, TetMesh, TriSurface, is_brain
@@ -105,31 +104,29 @@ def _volume(name: str, given: Any) -> Volume:
     raise InputError(what, remedy="give a file, or an image of NiBabel")
 
 
-def require_in_place(volumes: Mapping[str, Volume], surface: TriSurface) -> dict[str, Coverage]:
-    """Raise InputError if a volume does not cover a brain, or its labels lie beside it; else the coverage by labels.
+def backgrounds(volumes: Mapping[str, Volume], surface: TriSurface) -> list[Background]:
+    """How much of a brain lies in the background of each volume; a warning is logged where it is large.
 
     Parameters
     ----------
     surface : of the brain, or with brains inside it; in mm, in its frame; coordinates need not be finite
+
+    Raises
+    ------
+    InputError : a volume does not cover the brain, or its labels lie beside it
     """
-    brain, covered = _brain(surface) if volumes else surface, {}
-    for name, volume in volumes.items():
+    if not volumes:
+        return []
+    brain = _brain(surface)
+    for volume in volumes.values():
         _require_cover(volume, brain.points)
+    covered = {name: _covered(volume, brain) for name, volume in volumes.items()}
+    for name, volume in volumes.items():
         if volume.kind == "labels":
-            covered[name] = _require_on(volume, brain)
-    return covered
+            _require_on(volume, brain, covered[name])
+    return [_background(name, volume, covered[name]) for name, volume in volumes.items()]
 
 
-def backgrounds(volumes: Mapping[str, Volume], surface: TriSurface) -> list[Background]:
-    """How much of a brain lies in the background of each volume; a warning is logged where it is large.
-
-    Parameters and errors are those of `require_in_place`.
-    """
-    covered, brain = require_in_place(volumes, surface), _brain(surface) if volumes else surface
-    return [_background(name, volume, covered.get(name) or _covered(volume, brain)) for name, volume in volumes.items()]
-
-
-@once_per_object
 def _brain(surface: TriSurface) -> TriSurface:
     """The brain of a surface, or the brains inside it, in the space of volumes."""
     inside = [one for name, one in surface.inner.items() if is_brain(name)] or [surface]
@@ -239,15 +236,14 @@ def _require_cover(volume: Volume, points: FloatArray) -> None:
     raise InputError(what, file=volume.file, remedy=remedy)
 
 
-def _require_on(volume: Volume, surface: TriSurface) -> Coverage:
+def _require_on(volume: Volume, surface: TriSurface, found: Coverage) -> None:
     """Raise InputError if labels lie beside the inside of a surface, but would cover it from another position."""
-    found = _covered(volume, surface)
     enough = max(found.here + _GAIN, _NEARLY * found.possible)
     best = max(found.flipped.values())
     flipped = best >= enough and best >= found.shifted - _GAIN
     moved = found.shifted >= enough and np.linalg.norm(found.shift) > volume.voxel
     if not (flipped or moved or not found.here):
-        return found
+        return
     turned = replace(surface, points=surface.points * _LPS)  # the way round of its triangles stays
     share = _covered(volume, turned).here
     by_one_axis = max(share for axes, share in found.flipped.items() if len(axes) == 1)

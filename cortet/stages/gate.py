@@ -67,7 +67,7 @@ def gate(
 
     Parameters
     ----------
-    settings : as `Gate` describes them; `unit` and `affine` are applied before
+    settings : as `Gate` describes them; `unit` is applied before
     source : where the surface comes from, for messages and the report
     inside : the surface lies inside another one, and may be smaller than a brain
 
@@ -159,7 +159,7 @@ def require_size(extents: Sequence[float], volume: float, *, option: str = "gate
     named = f"if the coordinates are in {' or '.join(units)}, set the unit with {option}"
     raise InputError(
         f"the surface is {extent:.4g} mm long and encloses {volume:.4g} mL; a brain or hemisphere has {usual}",
-        remedy=named if units else "give coordinates in mm; if they are voxel indices, name the image in gate.affine",
+        remedy=named if units else "give coordinates in mm, not voxel indices",
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass, replace
 
 from cortet.config.stages import Generate
@@ -12,13 +11,11 @@ from cortet.geometry.limits import CELL_SIZE_MM, require_within
 from cortet.geometry.orientation import random_rotation
 from cortet.geometry.topology import surface_topology
 from cortet.meshers import MESHERS, Mesher
-from cortet.meshers._sizes import checked
+from cortet.meshers._sizes import require_sizes
 from cortet.meshers.mesher import Attempt, Facts, Refinement
 from cortet.meshes import FloatArray, TetMesh, TriSurface
 
 VERSION: int = 12
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -89,13 +86,12 @@ def generate(
     require_precision(surface.points, cell_size)
     chosen = MESHERS[mesher]
     _require_meshable(surface, chosen, settings)
-    sources, _ = checked(settings.sizes, surface, cell_size)
+    require_sizes(settings.sizes, surface, cell_size)
     seed = settings.seed if chosen.own else 0
     turn = random_rotation(seed)
     if seed:
         surface = _turned(surface, turn)
-        sources = sources._replace(points=sources.points @ turn)
-    facts = Facts(cell_size, sources, elements_across, time_limit)
+    facts = Facts(cell_size, elements_across, time_limit)
     filled = chosen.fill(surface, settings, facts)
     if chosen.may_change_topology and filled.attempts[-1].problems and settings.fallback:
         again = MESHERS[settings.fallback].fill(surface, settings, facts)

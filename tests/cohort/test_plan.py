@@ -173,12 +173,6 @@ def test_pictures_of_a_fold_show_a_map_of_its_weeks():
     assert not {"picture", "real_surfaces", "variants", "cases"} & set(Folds(fold).arguments(mesh_job(GOOD)))
 
 
-def test_a_hole_that_no_case_has_is_told():
-    (notice,) = plan(export={"formats": ["vtu"], "holes": ["white", "ventrcle"]}).notices()
-    assert notice == "export.holes: no case has an inner surface ventrcle, they have white"
-    assert plan().notices() == []
-
-
 def test_maps_are_of_a_hemispheres_resampled_cases():
     assert list(plan().maps("L")) == ["sub-made_hemi-L"]
 
@@ -193,19 +187,16 @@ def test_a_job_asks_for_more_with_more_tetrahedra_and_after_it_was_killed(cell_s
 
 def test_what_one_case_lacks_is_for_its_job_to_say(tmp_path):
     """A plan is of all cases: it fails for none of them."""
-    image = replace(GOOD, participant="image", affine=tmp_path / "gone.nii.gz", sphere=Path("sphere.surf.gii"))
-    whole = replace(image, participant="whole", hemi=None, affine=None)
-    made = plan(GOOD, image, whole, resample={"template": str(tmp_path / "{hemi}.surf.gii")})
-    assert made.placement(job(GOOD)) is None
-    told = made.placement(job(image))
-    assert isinstance(told, str) and "gone.nii.gz: cannot be read" in told
-    for case in (image, whole):
+    left = replace(GOOD, participant="left", sphere=Path("sphere.surf.gii"))
+    whole = replace(left, participant="whole", hemi=None)
+    made = plan(GOOD, left, whole, resample={"template": str(tmp_path / "{hemi}.surf.gii")})
+    for case in (left, whole):
         surface, mesh = job(case), mesh_job(case)
         assert made.facts(surface)["source"] == made.facts(mesh)["source"] == "good.surf.gii"
         assert made.recorded_line(mesh) and made.paths(mesh) and made.input_sha256(mesh) and made.sphere(surface) == []
         assert made.template(surface) == []
     assert made.arguments("resample", job(whole))["template"] == str(tmp_path / "{hemi}.surf.gii")
-    assert made.arguments("resample", job(image))["template"] == str(tmp_path / "L.surf.gii")
+    assert made.arguments("resample", job(left))["template"] == str(tmp_path / "L.surf.gii")
 
 
 def test_planning_loads_nothing_heavy():

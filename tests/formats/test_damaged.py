@@ -33,7 +33,7 @@ from cortet.solver_files.sidecar import sidecar_path
 KINDS = [
     *(name for name in FORMATS if name not in ("braingrowth", "febio")),
     *("xdmf_of_meshio", "gate", "repair", "fields", "text_stl", "ply", "text_ply", "obj", "off"),
-    *("white", "thickness", "annot", "dseg", "aseg", "fa", "dti", "affine", "sheet", "config", "release"),
+    *("white", "thickness", "annot", "dseg", "aseg", "fa", "dti", "sheet", "config", "release"),
 ]
 
 

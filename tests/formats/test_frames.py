@@ -22,7 +22,7 @@ from cortet.formats.gifti import read_surface, surface_of
 from cortet.formats.volumes import Volume, read_volume, six
 from cortet.geometry.nesting import nested
 from cortet.meshes import CoordinateFrame, TetMesh
-from cortet.solver_files.volumes import require_in_place, with_volumes
+from cortet.solver_files.volumes import backgrounds, with_volumes
 
 UNKNOWN, SCANNER, TALAIRACH = (f"NIFTI_XFORM_{name}" for name in ("UNKNOWN", "SCANNER_ANAT", "TALAIRACH"))
 BALL = ball_surface(2, 15.0)
@@ -133,7 +133,7 @@ def test_a_subject_of_freesurfer_lies_at_the_same_place_in_every_form(tmp_path, 
     inside = ball_mesh(2, 14.0)
     placed = TetMesh(mapped(np.linalg.inv(to_scanner), inside.points + CENTRE), inside.cells)
     volumes = phantom()
-    require_in_place(volumes, surface)
+    backgrounds(volumes, surface)
     fields = with_volumes(placed, volumes, frame=surface.frame)[0].cell_data
     middle = inside.points[inside.cells].mean(axis=1)
     one_octant = (np.sign(inside.points[inside.cells]) == np.sign(inside.points[inside.cells])[:, :1]).all(axis=(1, 2))

@@ -1,4 +1,4 @@
-"""Volumes on tetrahedra, surfaces out of labels, and what is said of volumes that cannot be used."""
+"""Volumes on tetrahedra, and what is said of volumes that cannot be used."""
 
 from __future__ import annotations
 
@@ -23,23 +23,17 @@ from cortet.cohort.sheet import read_sheet, write_sheet
 from cortet.errors import InputError
 from cortet.formats import read_mesh, vtu
 from cortet.formats.gifti import read_surface, write_surface
-from cortet.formats.placement import matrix
 from cortet.formats.tsv import read_tsv
-from cortet.formats.volumes import Volume, label_names, matrices, read_labels, read_named, read_volume
+from cortet.formats.volumes import Volume, label_names, matrices, read_named, read_volume
 from cortet.formats.volumes import volume_of as volume_from
-from cortet.geometry.closest_point import tree_of
 from cortet.geometry.icosphere import icosphere
-from cortet.geometry.label_surface import Handles, label_surfaces
-from cortet.geometry.thickness import thickness
-from cortet.geometry.topology import enclosed_volume, surface_topology, vertex_normals
 from cortet.geometry.voxels import in_voxels, labels_inside, means_inside
 from cortet.geometry.winding import winding_numbers
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, TetMesh, TriSurface
 from cortet.phantoms.head import LABELS, direction
 from cortet.report.slices import cut
-from cortet.solver_files.label_surfaces import inner_surfaces, surfaces_of_labels
-from cortet.solver_files.volumes import backgrounds, require_in_place, with_volumes
+from cortet.solver_files.volumes import backgrounds, with_volumes
 
 RADIUS, SIZE = 10.0, 32
 SCANNER = "NIFTI_XFORM_SCANNER_ANAT"
@@ -100,7 +94,7 @@ def test_freesurfers_volumes_are_read(tmp_path, labels):
     np.testing.assert_array_equal(volume.values, labels)
     np.testing.assert_allclose(volume.affine, AFFINE, atol=1e-5)
     file.write_bytes(gzip.compress(image.to_bytes()[:28] + bytes(2) + image.to_bytes()[30:]))
-    for read in (read_volume, lambda path: volume_from(nibabel.load(path)), lambda path: matrix("mm", path)):
+    for read in (read_volume, lambda path: volume_from(nibabel.load(path))):
         with pytest.raises(InputError, match=r"aseg.mgz: .*invalid"):
             read(file)
 
@@ -125,12 +119,6 @@ def test_labels_have_names(tmp_path, labels):
     assert read_volume(file).names == {1: "back", 2: "front"}
     own.write_text("index\tname\tcolor\n1\tCSF\t#fff\n")
     assert read_volume(file).names == {1: "CSF"}
-    assert read_labels(f"{file}:CSF,2")[1] == [1, 2]
-    with pytest.raises(InputError, match="GM"):
-        read_labels(f"{file}:GM")
-    own.write_text("index\tname\n1\tCSF\n2\tCSF\n")
-    with pytest.raises(InputError, match="dseg.nii.gz.*CSF"):
-        read_labels(f"{file}:CSF")
     for text in ("index\tname\nx\tCSF\n", "index\tname\n1\ta\n1\tb\n", "key\tname\n1\ta\n"):
         own.write_text(text)
         with pytest.raises(InputError, match="drawem9_dseg.tsv"):
@@ -208,7 +196,7 @@ def volume_of(values: NDArray[np.generic], affine: NDArray[np.float64] = AFFINE)
 
 def test_labels_beside_the_surface_are_refused_with_what_would_fit(ball, labels):
     """Moved; far away; in a corner; in LPS; flipped: towards a corner all three axes, on the third axis any with it."""
-    require_in_place(volume_of(labels), ball)
+    backgrounds(volume_of(labels), ball)
     moved, corner = AFFINE.copy(), np.zeros_like(labels)
     moved[:3, 3] += [4, 0, -3]
     corner[:3, :3, :3] = 1
@@ -224,11 +212,11 @@ def test_labels_beside_the_surface_are_refused_with_what_would_fit(ball, labels)
     ]
     for centre, axes in (([6, 6, 6], "first and second and third axes"), ([0, 0, 6], "third axis")):
         aside, there = half_ball(ball, centre)
-        require_in_place(volume_of(there), aside)
+        backgrounds(volume_of(there), aside)
         cases.append((volume_of(np.flip(there)), aside, axes))
     for volume, surface, word in cases:
         with pytest.raises(InputError, match=word):
-            require_in_place(volume, surface)
+            backgrounds(volume, surface)
 
 
 @pytest.mark.parametrize("kind", ["labels", "numbers", "tensors"])
@@ -268,8 +256,8 @@ def half_ball(ball: TriSurface, centre: list[float]) -> tuple[TriSurface, NDArra
 def test_a_lesion_inside_and_labels_all_around_are_no_shift(ball, labels):
     lesion = np.zeros_like(labels)
     lesion[18:22, 14:18, 14:18] = 1
-    require_in_place(volume_of(lesion), ball)
-    require_in_place(volume_of(np.ones_like(labels)), ball)
+    backgrounds(volume_of(lesion), ball)
+    backgrounds(volume_of(np.ones_like(labels)), ball)
 
 
 # --- on tetrahedra ------------------------------------------------------------------------------------------------
@@ -378,118 +366,6 @@ def test_the_frame_of_a_surface_leads_to_the_volume():
     assert with_volumes(TET, volume, frame=frame)[0].cell_data["tissue"].tolist() == [9]
 
 
-# --- surfaces out of labels ---------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (0.7, 0.9, 1.3)])
-def test_a_surface_of_a_label_is_smooth_and_near_it(scale):
-    affine = oblique(scale)
-    where = np.indices((36, 36, 36)).reshape(3, -1).T @ affine[:3, :3].T
-    centre = affine[:3, :3] @ [18, 18, 18]
-    mask = (np.linalg.norm(where - centre, axis=1) < RADIUS).reshape(36, 36, 36)
-    (made,), specks = label_surfaces(mask, affine)
-    assert not specks
-    assert surface_topology(made.surface.faces).euler_number == 2
-    assert made.furthest < 0.5
-    radius = np.linalg.norm(made.surface.points - centre, axis=1)
-    assert np.abs(radius - RADIUS).max() < 0.5 * max(scale)
-    assert radius.std() < 0.12  # voxels of 1 mm have steps of 0.29
-    volume = enclosed_volume(made.surface.points, made.surface.faces)
-    assert volume == pytest.approx(mask.sum() * abs(np.linalg.det(affine[:3, :3])), rel=2e-3)
-
-
-def test_topology_of_labels_stays_as_it_is():
-    """A ring keeps its handle, a cavity is filled, components are apart, specks are left out."""
-    x, y, z = np.indices((40, 40, 20)) - np.array([20, 20, 10]).reshape(3, 1, 1, 1)
-    ring = (np.hypot(np.hypot(x, y) - 12, z) < 4.5).astype(bool)
-    ball = (x**2 + y**2 + z**2 < 25) & (x**2 + y**2 + z**2 > 4)
-    mask = ring | ball
-    mask[0, 0, 0] = True
-    made, specks = label_surfaces(mask, np.eye(4))
-    assert [surface_topology(one.surface.faces).euler_number for one in made] == [0, 2]
-    assert [one.filled > 0 for one in made] == [False, True]
-    assert specks == [1]
-
-
-@pytest.mark.parametrize("ring", [4.5, 1.6])
-def test_handles_of_labels_are_cut_on_the_voxels(ring):
-    """A ball with a handle, thick or thin, and with a narrow tunnel: each is mended where that changes fewer voxels."""
-    x, y, z = np.indices((44, 44, 36)) - np.array([20, 20, 18]).reshape(3, 1, 1, 1)
-    mask = (np.hypot(np.hypot(x - 8, z) - 9, y) < ring) | (x**2 + y**2 + z**2 < 100)
-    mask &= np.hypot(x + 3, y) > 1.1
-    (as_it_is,), _ = label_surfaces(mask, np.eye(4))
-    assert (as_it_is.handles, as_it_is.left, as_it_is.changed) == (2, 2, 0)
-    (made,), _ = label_surfaces(mask, np.eye(4), handles=Handles(0))
-    assert surface_topology(made.surface.faces).problems(genus=0) == []
-    assert (made.handles, made.left) == (2, 0)
-    assert 0 < made.changed < 5 * 20 + 4 * np.pi * ring**2  # a plug in the tunnel, a slice of the ring
-    for kept in (Handles(2), Handles(0, changed=1e-4)):
-        (same,), _ = label_surfaces(mask, np.eye(4), handles=kept)
-        assert np.array_equal(same.surface.points, as_it_is.surface.points)
-
-
-@pytest.mark.parametrize("slope", [0.0, 0.6])
-def test_sheets_and_gaps_of_one_voxel_keep_their_width(slope):
-    """A sheet in the open, and a gap of the same shape in a ball: neither is smoothed away from both sides."""
-    x, y, z = np.indices((40, 40, 40)) - 20.0
-    plane = np.abs(z - slope * x) < (0.9 if slope else 0.5)
-    ball = x**2 + y**2 + z**2 < 15**2
-    held = x < -2
-    for mask, inside in ((ball & (plane | held), True), (ball & (~plane | held), False)):
-        (made,), _ = label_surfaces(mask, np.eye(4))
-        surface = made.surface
-        where = surface.points - 20
-        normals = vertex_normals(surface.points, surface.faces)
-        on = (np.hypot(where[:, 0] - 6, where[:, 1]) < 5) & (np.abs(where[:, 2] - slope * where[:, 0]) < 3)
-        width = thickness(tree_of(surface), surface.points[on], normals[on], 8.0, inside=inside)
-        assert width.min() > 0.7
-        assert made.furthest < 0.5
-
-
-def test_a_label_that_the_image_cuts_off_is_told(caplog):
-    values = np.zeros((20, 20, 20), np.int16)
-    values[10:, 4:12, 4:14] = 5
-    surfaces_of_labels("x", Volume(np.pad(values, 1), np.eye(4), "labels", file="dseg.nii"), [5])
-    assert not caplog.text
-    surfaces_of_labels("x", Volume(values, np.eye(4), "labels", file="dseg.nii"), [5])
-    assert "dseg.nii" in caplog.text and "label 5" in caplog.text
-
-
-def test_inner_surfaces_of_labels_are_named(tmp_path, ball, labels):
-    deep = np.where(labels > 0, 1, 0).astype(np.int16)
-    deep[10:14, 13:18, 13:18], deep[18:23, 13:18, 13:18] = 5, 6
-    file = written(tmp_path / "dseg.nii.gz", deep)
-    found = inner_surfaces({"ventricle": f"{file}:5,6"}, ball)
-    assert list(found.surfaces) == ["ventricle1", "ventricle2"]
-    assert set(found.files.values()) == {str(file)}
-    assert found.surfaces["ventricle1"].points[:, 0].mean() < 0  # label 6; x falls as voxels rise
-    straight = inner_surfaces({"left": f"{file}:5"}, ball).surfaces
-    assert list(straight) == ["left"]
-    frame = CoordinateFrame(xformspace=SCANNER, matrix=(1, 0, 0, 3, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1))
-    moved = inner_surfaces({"left": f"{file}:5"}, replace(ball, points=ball.points - [3, 0, 0], frame=frame)).surfaces
-    np.testing.assert_allclose(moved["left"].points + np.array([3, 0, 0]), straight["left"].points, atol=1e-5)
-    deep[10:14] = 0
-    deep[12, 15, 15] = 5
-    small = written(tmp_path / "small.nii.gz", deep)
-    for given, word in ((f"{file}:0", "label 0"), (f"{small}:5", "1 voxels"), (str(file), "is a volume")):
-        with pytest.raises(InputError, match=word):
-            inner_surfaces({"left": given}, ball)
-    with pytest.raises(InputError, match="pial.surf.gii:1"):
-        read_labels("pial.surf.gii:1")
-
-
-def test_pieces_of_an_earlier_run_are_left(tmp_path, labels, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    halves = np.where(labels > 0, 1, 0).astype(np.int16)
-    halves[15:17] = 0
-    written(tmp_path / "two.nii.gz", halves)
-    written(tmp_path / "one.nii.gz", labels)
-    assert main(["labels", "two.nii.gz:1", "-o", "v.surf.gii"]) == main(
-        ["labels", "one.nii.gz:1,2", "-o", "v.surf.gii"]
-    )
-    assert {path.name for path in tmp_path.glob("*.gii")} == {"v.surf.gii", "v1.surf.gii", "v2.surf.gii"}
-
-
 # --- a whole head -------------------------------------------------------------------------------------------------
 
 
@@ -502,21 +378,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_head_becomes_one_mesh(folder, tmp_path, capsys):
     out = tmp_path / "head.vtu"
-    given = ["mesh", str(folder / "pial.surf.gii"), "--inner", str(folder / "white.surf.gii"), "--cell-size", "1.7"]
-    given += [
-        "--inner",
-        f"ventricle={folder / 'dseg.nii.gz'}:3,4",
-        "--inner",
-        f"thalamus={folder / 'thalamus.surf.gii'}",
-    ]
+    parts = ("cortex", "white", "ventricle1", "ventricle2", "thalamus")
+    files = ("pial", *parts[1:])
+    given = ["mesh", str(folder / "pial.surf.gii"), "--cell-size", "1.7"]
+    for name in parts[1:]:
+        given += ["--inner", f"{name}={folder / name}.surf.gii"]
     given += ["--volume", f"tissue={folder / 'dseg.nii.gz'}", "--volume", f"tensor={folder / 'tensors.nii.gz'}"]
     assert main([*given, "-o", str(out), "--slices", str(tmp_path / "slices.png")]) == 0
     assert matplotlib.image.imread(tmp_path / "slices.png").std() > 0.05
-    said = capsys.readouterr().out
-    assert "ventricle2: " in said and "certified" in said
+    assert "certified" in capsys.readouterr().out
     mesh = vtu.read(out)
-    parts = ("cortex", "white", "ventricle1", "ventricle2", "thalamus")
-    files = ("pial", *parts[1:])
     node = np.zeros(len(mesh.points), int)
     for name, file in zip(parts, files, strict=True):
         node[winding_numbers(read_surface(folder / f"{file}.surf.gii"), mesh.points) > 0.5] = LABELS[name]

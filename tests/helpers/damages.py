@@ -27,14 +27,11 @@ from cortet.config.stages import Repair
 from cortet.errors import CortetError
 from cortet.formats import FORMATS, read_mesh
 from cortet.formats.gifti import read_label_names, read_surface, write_surface
-from cortet.formats.placement import matrix, placed
 from cortet.formats.volumes import read_volume
-from cortet.geometry.label_surface import Handles
 from cortet.meshes import TetMesh, TriSurface
 from cortet.solver_files.export import convert, export
 from cortet.solver_files.fields import with_fields
-from cortet.solver_files.label_surfaces import surfaces_of_labels
-from cortet.solver_files.volumes import require_in_place
+from cortet.solver_files.volumes import backgrounds
 from cortet.stages.gate import gate
 from cortet.stages.repair import repair
 
@@ -146,7 +143,7 @@ def of_other_programs(surface: TriSurface, folder: Path) -> Seeds:
 
 
 def volumes(surface: TriSurface, folder: Path) -> Seeds:
-    """Images around the surface: labels with names, of 8 bits and compressed, numbers, tensors, and an affine."""
+    """Images around the surface: labels with names, of 8 bits and compressed, numbers and tensors."""
     shape, affine = (14, 14, 14), np.diag([5.0, 5.0, 5.0, 1.0])
     affine[:3, 3] = -33
     labels = 1 + (np.indices(shape)[0] > 7).astype(np.int16)
@@ -156,7 +153,6 @@ def volumes(surface: TriSurface, folder: Path) -> Seeds:
         "aseg.mgz": nibabel.MGHImage(labels.astype(np.uint8), affine),
         "fa.nii.gz": nibabel.Nifti1Image(np.random.default_rng(0).random(shape, np.float32), affine),
         "dti.nii": nibabel.Nifti1Image(tensors, affine),
-        "affine.nii.gz": nibabel.Nifti1Image(np.ones((3, 3, 3), np.int16), np.diag([0.5, 0.5, 0.8, 1])),
     }
     found: Seeds = {}
     for name, image in images.items():
@@ -164,7 +160,7 @@ def volumes(surface: TriSurface, folder: Path) -> Seeds:
         nibabel.save(image, path)
         found[path.parent.name] = (path, lambda path: read_and_use_volume(path, surface))
     (folder / "dseg" / "dseg.tsv").write_text("index\tname\n1\tleft\n2\tright\n")
-    return {**found, "affine": (found["affine"][0], lambda path: placed(surface, matrix("mm", path)))}
+    return found
 
 
 def texts(folder: Path) -> Seeds:
@@ -186,12 +182,9 @@ def texts(folder: Path) -> Seeds:
 
 
 def read_and_use_volume(path: Path, surface: TriSurface) -> Any:
-    """What is made of a volume: it lies around the surface, and labels give surfaces without handles."""
+    """What is made of a volume that lies around the surface."""
     volume = read_volume(path)
-    require_in_place({"v": volume}, surface)
-    if volume.kind == "labels":
-        largest = int(np.bincount(volume.values[volume.values > 0]).argmax())
-        return next(iter(surfaces_of_labels("v", volume, [largest], Handles(0))[0].values()))
+    backgrounds({"v": volume}, surface)
     return volume
 
 

@@ -33,7 +33,7 @@ COMMANDS: dict[str, list[str]] = {
     "mesh": [
         "x.surf.gii --cell-size 5 --config settings.yaml -o OUT.vtu",
         "x.surf.gii --inner inner.surf.gii --cell-size 5 -o OUT.pts",
-        "x.surf.gii --cell-size 5 --size x_dseg.nii.gz:1=4.9 -o OUT.vtu",
+        "x.surf.gii --cell-size 5 --size cortex=4.9 -o OUT.vtu",
         "x.surf.gii --cell-size 5 --field t=x.shape.gii -o fresh.mesh --picture OUT.png",
         "x.surf.gii --cell-size 5 -o fresh.mesh --page OUT.html",
         "x.surf.gii --cell-size 5 --volume t=x_dseg.nii.gz -o fresh.mesh --slices OUT.png",
@@ -41,9 +41,7 @@ COMMANDS: dict[str, list[str]] = {
     "improve": ["x.vtu --surface x.surf.gii -o OUT.inp"],
     "gate": ["x.surf.gii inner.surf.gii"],
     "repair": ["x.surf.gii --config settings.yaml -o OUT.surf.gii"],
-    "envelope": ["x.surf.gii --distance 2 -o OUT.surf.gii"],
     "layers": ["inner.surf.gii x.surf.gii --layers 2 --cell-size 4 -o OUT.surf.gii"],
-    "labels": ["x_dseg.nii.gz:1 -o OUT.surf.gii"],
     "growth": [
         "x.surf.gii inner.surf.gii --ages 28 30 -o OUT.func.gii",
         "x.surf.gii inner.surf.gii --ages 28 30 -o fresh.func.gii --picture OUT.png",

@@ -24,26 +24,24 @@ def named_right(path: Path) -> None:
 
 def test_a_fault_of_one_row_fails_its_case_alone(tmp_path):
     study = Study(tmp_path)
-    image = replace(study.case("image"), affine=tmp_path / "gone.nii.gz")
     inner = replace(study.case("inner"), inner={"white": tmp_path / "none.surf.gii"})
     sphere = replace(study.case("sphere"), sphere=tmp_path / "sphere.surf.gii")
     field = replace(study.case("field"), fields={"thickness": tmp_path / "gone.shape.gii"})
     thick = tmp_path / "surfaces/good_thickness.shape.gii"
     good = replace(study.case("good"), fields={"thickness": thick})
-    for number, case in enumerate((good, study.case("other"), image, inner, sphere, field)):
+    for number, case in enumerate((good, study.case("other"), inner, sphere, field)):
         study.add_case(case, surface(number))
     write_fields({"thickness": np.ones(len(surface(0).points))}, thick)
     named_right(tmp_path / "surfaces/other.surf.gii")
     study.config["resample"] = {"subdivisions": 3}
     ran = study.jobs_of_run("--keep-going", STATUS, succeeds=False)
     assert ("export", "sub-good") in ran
-    assert {rule for rule, case in ran if case in ("sub-other", "sub-image")} <= {"gate", "case_page"}
+    assert {rule for rule, case in ran if case == "sub-other"} <= {"gate", "case_page"}
     status = study.status()
     assert status["sub-good_hemi-L"]["state"] == "certified"
     reason = status["sub-other_hemi-L"]["reason"]
     assert "other.surf.gii: is of hemisphere R, as its AnatomicalStructurePrimary says, but its row says L" in reason
     assert "correct the column hemi" in reason
-    assert "gone.nii.gz: cannot be read" in status["sub-image_hemi-L"]["reason"]
     for name, stage, words in (
         ("inner", "gate_inner", ["none.surf.gii: no such file"]),
         ("sphere", "resample", ["sphere.surf.gii: no such file", "column sphere of the cohort sheet"]),

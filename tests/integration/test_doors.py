@@ -5,9 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import nibabel as nib
 import numpy as np
 import pytest
 import yaml
@@ -22,42 +20,31 @@ from tests.integration.study import Study, surface
 
 pytestmark = pytest.mark.thorough
 
-#: rows and columns of an image whose voxels are 2 mm, turned and moved
 ASIDE = np.array([100.0, 0, 0])
-AFFINE = np.array([[0, -2.0, 0, 30], [2, 0, 0, -10], [0, 0, 2, 5], [0, 0, 0, 1]])
 
 
-def inputs(folder: Path, placement: str) -> tuple[dict[str, Any], dict[str, Path]]:
-    """Two surfaces and a volume of labels in a folder, and what places the surfaces in mm."""
+def inputs(folder: Path) -> dict[str, Path]:
+    """Two surfaces in metres and a volume of labels in a folder."""
     pial = surface(0)
     pial = TriSurface(pial.points + ASIDE, pial.faces)
     inner = TriSurface(0.7 * (pial.points - ASIDE) + ASIDE, pial.faces)
     files = {name: folder / f"{name}.{end}" for name, end in (("pial", "surf.gii"), ("white", "surf.gii"))}
     files["tissue"] = folder / "tissue.nii.gz"
-    if placement == "affine":
-        nib.Nifti1Image(np.zeros((4, 4, 4), np.int16), AFFINE).to_filename(folder / "image.nii.gz")
-        back = np.linalg.inv(AFFINE)
-        stored = [one.points @ back[:3, :3].T + back[:3, 3] for one in (pial, inner)]
-        gate = {"affine": str(folder / "image.nii.gz")}
-    else:
-        stored = [one.points / 1000 for one in (pial, inner)]
-        gate = {"unit": "m"}
-    for name, one, points in zip(("pial", "white"), (pial, inner), stored, strict=True):
-        write_surface(TriSurface(points, one.faces), files[name])
+    for name, one in (("pial", pial), ("white", inner)):
+        write_surface(TriSurface(one.points / 1000, one.faces), files[name])
     to_mm = np.diag([1.0, 1, 1, 1])
     to_mm[:3, 3] = [80.0, -20, -20]
     labels = np.where(np.indices((40, 40, 40))[1] > 20, 2, 1).astype(np.int16)
     write_volume(labels, to_mm, files["tissue"])
     files["tissue"].with_name("tissue.tsv").write_text("index\tname\n1\tback\n2\tfront\n")
-    return gate, files
+    return files
 
 
-@pytest.mark.parametrize("placement", ["unit", "affine"])
-def test_three_doors_lead_to_the_same_files(tmp_path, placement):
+def test_three_doors_lead_to_the_same_files(tmp_path):
     study = Study(tmp_path)
     (tmp_path / "surfaces").mkdir()
-    gate, files = inputs(tmp_path / "surfaces", placement)
-    study.config |= {"gate": gate, "export": {"formats": ["vtu"]}, "generate": {"cell_size": [4.0]}}
+    files = inputs(tmp_path / "surfaces")
+    study.config |= {"gate": {"unit": "m"}, "export": {"formats": ["vtu"]}, "generate": {"cell_size": [4.0]}}
     config = tmp_path / "alone.yaml"
     config.write_text(yaml.safe_dump(study.config))
 

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cortet.config.sections import Figures
-from cortet.report.figures import LOOKS, PANELS, cohort_figure, look, mesh_quality_figures, save
+from cortet.report.figures import PANELS, cohort_figure, mesh_quality_figures, save
 
 HEADER = "case\themi\tscan_age\tcell_size_mm\ttets\tq_mean\tq_max\tsurface_to_boundary_mean_mm\tverdict\n"
 ROWS = (
@@ -103,14 +101,6 @@ def test_a_mesh_that_is_not_certified_is_crossed_out(table):
         (crossed,) = [one for one in axis.collections if "not certified" in str(one.get_label())]
         assert np.asarray(crossed.get_offsets()).tolist() == [[28.5, value]]
     assert labels(figure)[-1] == "not certified ($n$ = 1)"
-
-
-def test_a_journal_chooses_width_and_letters(table):
-    assert list(LOOKS) == list(get_args(Figures.model_fields["journal"].annotation))
-    with look("plos"):
-        figure = cohort_figure(table)
-    assert figure.get_figwidth() == pytest.approx(7.5) and figure.axes[0].xaxis.label.get_size() == 8
-    assert cohort_figure(table).get_figwidth() == 7.2
 
 
 @pytest.mark.parametrize("suffix", ["pdf", "svg", "png"])

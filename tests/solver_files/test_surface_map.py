@@ -16,7 +16,7 @@ from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.containing import containing
 from cortet.geometry.interpolation import applied
 from cortet.geometry.topology import boundary_nodes, boundary_surface
-from cortet.meshes import MeshSets, TetMesh, TriSurface, single_precision
+from cortet.meshes import TriSurface, single_precision
 from cortet.phantoms import phantom_with_sphere
 from cortet.solver_files.surface_map import surface_map
 
@@ -179,21 +179,6 @@ def test_a_resampled_surface_works_by_the_closest_point():
     assert "resample" in made.certificate.parameters
     assert not found.kept.any() and len(found.points) == len(surface.points) != len(made.surface.points)
     assert np.linalg.norm(made.to_surface(made.points) - surface.points, axis=1).mean() < 0.5
-
-
-def test_holes_are_no_part_of_the_boundary(made, ball):
-    """Faces around a region that was left out are near no vertex."""
-    mesh = made.mesh
-    far = np.linalg.norm(mesh.points[mesh.cells].mean(axis=1), axis=1) > 8
-    used = np.unique(mesh.cells[far])
-    place = np.full(len(mesh.points), -1)
-    place[used] = np.arange(len(used))
-    hollow = TetMesh(mesh.points[used], place[mesh.cells[far]])
-    boundary, nodes = boundary_surface(hollow)
-    wall = nodes[boundary.faces][np.linalg.norm(boundary.points[boundary.faces].mean(axis=1), axis=1) < 11]
-    assert len(wall)
-    found = surface_map(replace(hollow, sets=MeshSets(faces={"hole_surface": wall})), made.surface, ball)
-    assert np.linalg.norm(hollow.points[np.unique(found.to_surface.indices)], axis=1).min() > 11
 
 
 def test_every_point_is_found_in_its_tetrahedron():

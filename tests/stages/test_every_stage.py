@@ -63,7 +63,7 @@ def test_a_stage_refuses_inverted_tetrahedra(name):
         (name, key)
         for name, stage in STAGES.items()
         for key in type(stage.section_of(Config())).model_fields
-        if name != "solver_ready" and key not in ("template", "size_field", "affine")  # any word may be a file's name
+        if name != "solver_ready" and key not in ("template", "size_field")  # any word may be a file's name
     ],
 )
 def test_a_key_of_a_stage_refuses_nonsense(stage, key):
