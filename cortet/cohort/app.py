@@ -230,8 +230,7 @@ def snakemake(
     folder = workflow()
     cache_folder()  # where there is none, this process says so, and its jobs know the temporary one
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(folder / "Snakefile"), "--cores", str(cores)]
-    # the output folder has a lock of its own, which ends with a killed run
-    command += ["--directory", str(work), "--nolock"]
+    command += ["--directory", str(work)]
     command += ["--verbose"] if verbose else []
     command += ["--dry-run"] if dry_run else []
     if profile:

@@ -1,6 +1,7 @@
 """Only one run at a time writes to an output folder, whatever folder or machine it was started in.
 
-Snakemake's own lock is in the folder where it was started, so it does not know of a run of another checkout.
+Snakemake's own lock is in the folder where it was started, so it does not know of a run of another checkout, and it
+outlives a killed run; profiles/default switches it off.
 """
 
 from __future__ import annotations
