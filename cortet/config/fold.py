@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from cortet.config.section import Cases, Finite, Positive, Section
-from cortet.geometry.limits import FOLD_AGES
+from cortet.geometry.limits import FOLD_AGES, THICKNESS_MM
 
 #: placeholder for the hemisphere in the name of a file
 _HEMI = "{hemi}"
@@ -113,7 +113,7 @@ class Fold(Section):
     force: bool = False
     """true also folds a mesh whose cells are larger than 0.6 of the thickness of its cortex, so that they determine the
     width of its folds, or whose volume is less than half or more than twice that of a human brain of its age."""
-    thickness: Positive | None = None
+    thickness: Annotated[float, Field(ge=THICKNESS_MM[0], le=THICKNESS_MM[1])] | None = None
     """Thickness of the growing cortex at the start, mm. null: for growing, the default of the model; for braingrowth,
     0.042 of half the length of the brain (1.25 mm at 22 weeks, slightly more later). The log states the value."""
     smoothing: Annotated[float, Field(ge=0, le=5)] | None = None

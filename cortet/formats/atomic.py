@@ -89,10 +89,10 @@ def _full_disk_named(path: Path) -> Iterator[None]:
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT) or is_temporary(path.parent):
             raise
-        free = shutil.disk_usage(path.parent).free / 1e6
+        free = shutil.disk_usage(path.parent).free // 1000
         remedy = "free some space, or give a folder on another disk"
         raise InputError(
-            f"cannot be written: its disk has only {free:.1f} MB left", file=path, remedy=remedy
+            f"cannot be written: its disk has only {free} kB left", file=path, remedy=remedy
         ) from error
 
 

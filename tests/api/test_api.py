@@ -317,7 +317,7 @@ def test_a_full_disk_loses_neither_the_mesh_that_was_there_nor_its_certificate(m
     monkeypatch.setattr(Path, "write_text", full_after)
     for number in (1, 2):  # the certificate and the sidecar
         count = number
-        with pytest.raises(InputError, match=r"x\.\S+: cannot be written: its disk has only .* MB left"):
+        with pytest.raises(InputError, match=r"x\.\S+: cannot be written: its disk has only .* kB left"):
             finer.save(path, force=True)
         assert files() == before
     finer.save(path, force=True)
