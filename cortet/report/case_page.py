@@ -196,7 +196,12 @@ def _panels(of: Checked) -> list[Panel]:
 def _surface_and_mesh(of: Checked) -> list[Part]:
     if not len(of.surface.faces):
         return [("note", _NOT_FINITE)]
-    return pictures.shown(lambda: [*pictures.of_input(of.surface), *pictures.of_mesh(of.mesh, of.meshed)])
+    as_given = np.array_equal(of.surface.points, of.meshed.points)  # then its pictures would be the same twice
+
+    def drawn() -> list[pictures.Picture]:
+        return [*([] if as_given else pictures.of_input(of.surface)), *pictures.of_mesh(of.mesh, of.meshed)]
+
+    return pictures.shown(drawn)
 
 
 def _sections(of: Checked) -> list[Part]:

@@ -137,7 +137,7 @@ def test_without_scripts_all_is_there_but_the_view(opened):
     assert not page.locator("#filter").is_visible()
     page = opened("case", java_script_enabled=False).page
     assert page.locator("#no-view").is_visible() and not page.locator("canvas").is_visible()
-    assert page.get_by_role("img", name="Input surface from the left").is_visible()
+    assert page.get_by_role("img", name="Meshed surface, left").is_visible()
 
 
 def test_a_reader_sorts_filters_and_chooses_columns(opened):
