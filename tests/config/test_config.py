@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import inspect
-import json
 import re
 from collections.abc import Iterator
-from importlib import import_module
 from pathlib import Path
 from typing import get_args
 
@@ -19,18 +16,9 @@ from cortet.config.section import Section
 from cortet.config.stages import MesherName
 from cortet.errors import InputError
 from cortet.meshers import MESHERS
-from cortet.stages import STAGES, arguments_of, record_of, require_programs
+from cortet.stages import require_programs
 
 ROOT = Path(__file__).parents[2]
-FACTS = {
-    "nested": True,
-    "source": "x.gii",
-    "sphere_file": "x.sphere.gii",
-    "gestational_age": 28.0,
-    "hemisphere": "L",
-    "cell_size": 0.6,
-    "mesher": "cgal",
-}
 
 
 def test_config_yaml_is_valid_and_names_only_keys_that_exist():
@@ -55,33 +43,8 @@ def undescribed(model: type[Section]) -> Iterator[str]:
             yield f"{model.__name__}.{name}"
 
 
-def test_every_key_is_described():
-    assert not list(undescribed(config.Config))
-
-
-@pytest.mark.parametrize("stage", STAGES)
-def test_a_stage_gets_exactly_the_parameters_its_function_takes(stage):
-    given = arguments_of(config.Config(), stage, FACTS)
-    settings, facts = type(STAGES[stage].section_of(config.Config())).split(given)
-    assert settings.model_dump(mode="json").items() >= {key: given[key] for key in given.keys() - facts}.items()
-    function = getattr(import_module(f"cortet.stages.{stage}"), stage)
-    takes = inspect.signature(function).parameters.values()
-    positional = [p.name for p in takes if p.kind is not p.KEYWORD_ONLY]
-    assert positional == [*STAGES[stage].takes, "settings"]
-    keywords = {p.name for p in takes if p.kind is p.KEYWORD_ONLY}
-    assert set(facts) <= keywords
-    # between stages; of inner surfaces; of other meshers; of phantoms
-    assert keywords - set(facts) <= {"held", "inside", "time_limit", "most_the_same"}
-
-
 def test_the_names_in_the_configuration_are_those_of_meshers():
     assert get_args(MesherName) == tuple(MESHERS)
-
-
-def test_stage_parameters_are_plain_data_with_the_version_of_the_stage():
-    parameters = record_of(config.Config(), "generate", FACTS)
-    assert json.loads(json.dumps(parameters)) == parameters
-    assert parameters["version"] == import_module("cortet.stages.generate").VERSION
 
 
 def test_a_backend_without_what_is_asked_of_it_is_refused_when_the_configuration_is_read():
