@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,10 +10,8 @@ from matplotlib.figure import Figure
 from shapes import ball_mesh
 
 from cortet.formats import vtu
-from cortet.meshes import TetMesh
 from cortet.paper.pooled_quality import Pooled, pooled_quality_figure
 from cortet.paper.series import Brain, draw_series, series_figure
-from cortet.report.render import lateral_view
 
 BALL = ball_mesh(radius=10.0)
 
@@ -49,22 +46,6 @@ def test_one_scale_for_all_ages_and_the_cut_in_colour(monkeypatch):
     both = series_figure([Brain(22.0, {"L": BALL, "R": BALL}), Brain(30.0, {"L": BALL})])
     assert [len(column) for column in pictures(both)] == [3, 2], "each hemisphere has a row"
     assert [axis.get_ylabel() for axis in both.axes[:4:2]] == ["left", "right"]
-
-
-@pytest.mark.parametrize(("side", "ahead"), [("L", -1), ("R", 1)])
-def test_a_hemisphere_is_seen_from_its_own_side(side, ahead):
-    nose = TetMesh(BALL.points * np.where(BALL.points[:, 1:2] > 0, [1, 2, 1], 1), BALL.cells)  # longer to the front
-    image = lateral_view(nose, side=side, cut=False, half_width=25.0, half_height=25.0, width=200)
-    columns = (image < 250).any(axis=2).sum(axis=0)
-    tall = np.flatnonzero(columns > 0.95 * columns.max()).mean()
-    assert np.sign(np.flatnonzero(columns).mean() - tall) == ahead
-
-
-def test_a_hemisphere_shows_its_lateral_side():
-    right = replace(BALL, points=BALL.points + np.array([12.0, 0, 0]))
-    brains = [{"R": right}, {"L": right}, {"n/a": right}, {"n/a": BALL}]
-    figure = series_figure([Brain(22.0, meshes) for meshes in brains])
-    assert [axis.texts[0].get_ha() for axis in figure.axes[:4]] == ["right", "left", "right", "left"]
 
 
 def test_it_is_drawn_from_files_and_marks_a_brain_that_is_not_certified(tmp_path):
