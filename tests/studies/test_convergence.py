@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
-import pandas as pd
 import pytest
 from convergence import (
     QUANTITIES,
     Run,
     convergence_table,
-    large_enough,
     limit,
     sentence,
 )
@@ -43,19 +39,6 @@ def test_there_is_none_where_nothing_goes_evenly_towards_one(sizes, values, chan
     assert limit(sizes, values, chance) is None
 
 
-def test_a_size_is_small_enough_if_all_smaller_ones_are():
-    sizes = [3.0, 2.0, 1.0]
-    for values, limit_is, expected in (
-        ([0.9, 0.96, 0.98], 1.0, 2.0),
-        ([1.0, 0.9, 0.98], 1.0, 1.0),
-        ([0.7, 0.8, 0.9], 1.0, None),
-        ([0.7, 0.97, 1.0], None, 2.0),
-        ([0.7, 0.8, 1.0], None, None),  # nothing says that the last one is
-        ([1.0, None, None], None, None),
-    ):
-        assert large_enough(sizes, values, limit_is) == expected
-
-
 def runs(offset: float = 0.0) -> list[Run]:
     """Two seeds and two meshers at three sizes: order 2 towards 1.3, folds that agree better the smaller the cells."""
     rng = np.random.default_rng(0)
@@ -85,12 +68,3 @@ def test_the_table_tells_chance_from_cell_size():
     assert measured["correlation_sizes"].isna().tolist() == [False, False, True] * 2
     assert "Use h <= 0.72 of the thickness" in sentence(convergence_table(runs(0.08)))
     assert "No size tried" in sentence(table)
-
-
-def test_a_run_that_stopped_is_counted_and_not_averaged():
-    made = runs()
-    made[0] = replace(made[0], folded=False, values=dict.fromkeys(QUANTITIES, 9.0))
-    first = convergence_table(made).iloc[0]
-    assert (first["runs"], first["stopped"]) == (1, 1)
-    assert first["gyrification_index"] == pytest.approx(1.3001)
-    assert pd.isna(first["correlation_realisations"])
