@@ -66,17 +66,6 @@ def test_a_mesh_is_one_line_with_its_verdict(tmp_path, certified, said):
         assert told == "", "that it is not exported follows"
 
 
-def test_a_fold_is_one_line_with_its_verdict(tmp_path):
-    verdict = tmp_path / "verdict.json"
-    verdict.write_text(json.dumps({"reason": "folded from 22 to 34 weeks", "gyrification_index_last": 1.2451}))
-    run, now = progress()
-    assert run.planned({"certify": 2, "fold": 3, "total": 40}) == "2 meshes to make, 3 to fold, 40 jobs"
-    run.started(7, "fold", {**WILDCARDS, "variant": "Thin"}, [str(verdict)])
-    now[0] = 120.0
-    fold = "sub-01_hemi-L (0.6 mm, Thin)"
-    assert run.ended(7) == f"0/2  {fold}  folded from 22 to 34 weeks; gyrification index 1.25, 2.0 min"
-
-
 def test_a_job_that_failed_names_its_rule_its_reason_and_its_log(tmp_path):
     log = tmp_path / "repair.log"
     log.write_text("12:00 INFO begins\n12:01 ERROR x.surf.gii: truncated\n")
@@ -155,21 +144,6 @@ SAID: dict[str, tuple[list[dict[str, Any]], list[str]]] = {
         ],
         ["1 mesh to make, 3 jobs", "stopped by you after 1 of 3 jobs; the same command goes on from there"],
     ),
-    "answers to options of Snakemake": (
-        [
-            {"message": "Lints for rule x:", "level": logging.WARNING, "path": "/x/snakemake/linting/__init__.py"},
-            info("Unlocked working directory."),
-        ],
-        ["Lints for rule x:", "Unlocked working directory."],
-    ),
-    "other errors": (
-        [info("Building DAG of jobs..."), error("no wildcards", event=LogEvent.ERROR, exception="X")],
-        ["no wildcards"],
-    ),
-    "another error after a failure": (
-        [planned(certify=1, total=3), began(), failed(), error("no memory", event=LogEvent.ERROR, exception="X")],
-        ["1 mesh to make, 3 jobs", *FAILED, "no memory"],
-    ),
     "nothing to do": (
         [info("Building DAG of jobs..."), STARTED, info("Nothing to be done (all requested files are present).")],
         ["nothing to do: everything is up to date"],
@@ -207,27 +181,6 @@ def test_a_dry_run_names_what_would_be_done_to_each_case(capsys):
         emit(to, **record)
     lines = ["2 meshes to make, 5 jobs", "  a: export (2)", "  b: repair", "  over all cases: all"]
     assert capsys.readouterr().out.splitlines() == lines
-
-
-def test_a_log_file_says_what_is_running_after_a_minute_of_silence(capsys):
-    to, now = handler(), [0.0]
-    to.progress.clock = lambda: now[0]
-    emit(to, **planned(total=40))
-    emit(to, **began("baseline"))
-    for now[0], done in ((50.0, 10), (61.0, 11), (100.0, 12), (122.0, 20)):
-        emit(to, event=LogEvent.PROGRESS, done=done, total=40)
-    assert capsys.readouterr().out.splitlines() == [
-        "40 jobs",
-        f"11/40 jobs, about 3 min left  baseline {MESH}",
-        f"20/40 jobs, about 2 min left  baseline {MESH}",
-    ]
-
-
-def test_a_record_that_cannot_be_read_does_not_end_the_run(capsys):
-    to = handler()
-    emit(to, **{**began("certify"), "output": ["nosuch.json"]})
-    emit(to, event=LogEvent.JOB_FINISHED, job_id=1)
-    assert "nosuch.json" in capsys.readouterr().err
 
 
 # --- the plugin
