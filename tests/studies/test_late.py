@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
-from late import FETUS, NEWBORN, QUANTITIES, comparison, late_figure, measured, truth
+from late import QUANTITIES, measured
 from scipy.special import sph_harm_y
 from shapes import ball_surface
 from spectrum import BANDS, band_powers
@@ -29,21 +28,6 @@ def test_a_harmonic_of_a_sphere_is_in_the_band_of_its_frequency(degree, band):
     assert longest == pytest.approx(2 * np.pi * 20 / np.sqrt(2), rel=0.01)
     assert int(powers.argmax()) + 1 == band and len(powers) == BANDS
     assert powers[band - 1] == pytest.approx((vertex_areas(BALL) * values**2).sum(), rel=0.01)
-
-
-def row(kind: str, week: float, index: float, size: float | None = None) -> dict[str, object]:
-    of = {"brain": "a", "kind": kind, "cell_size_mm": size, "week": week}
-    return {**of, **dict.fromkeys(QUANTITIES, 10.0), "gyrification_index": index}
-
-
-def test_folds_are_compared_with_fetuses_only_and_with_nothing_beyond_them():
-    rows = [row(FETUS, 28, 1.1), row(FETUS, 32, 1.3), row(NEWBORN, 30, 9.0), row(NEWBORN, 36, 9.0)]
-    rows += [row("usual", week, 1.15, 0.6) for week in (30, 36)]
-    table = pd.DataFrame(rows)
-    assert truth(table, [28, 30, 36])["gyrification_index"].to_list() == pytest.approx([1.1, 1.2, np.nan], nan_ok=True)
-    early, late = comparison(table).split("\n\n")
-    assert "1.150 (-0.050)" in early and "1.150 (n/a)" in late
-    assert len(late_figure(table).axes) == 9
 
 
 def test_a_surface_is_measured_without_its_medial_wall():
