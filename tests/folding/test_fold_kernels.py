@@ -11,7 +11,7 @@ from cubes import cube_mesh
 from shapes import ball_mesh
 
 from cortet.folding.body import Body, Material, Scale, body_of
-from cortet.folding.contact import Contact, contact_forces, contact_of, listed_at
+from cortet.folding.contact import Contact, contact_forces, contact_of, listed_at, moved_too_far
 from cortet.folding.elements import OWN_ROWS, stress_elements
 from cortet.folding.growth import Course
 from cortet.folding.kernels import (
@@ -26,11 +26,13 @@ from cortet.folding.kernels import (
     nodal_forces,
     workspace,
 )
+from cortet.folding.law import exponential, inverse_cube_root
 from cortet.folding.models import course, tangential
 from cortet.folding.patches import ROWS, SIZE
 from cortet.folding.stability import FIRST, MARGIN, NEXT, largest_eigenvalue, largest_of_contacts, longest_step
+from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.intersection import self_intersections
-from cortet.geometry.topology import boundary_faces, boundary_nodes
+from cortet.geometry.topology import TRI_EDGES, boundary_faces, boundary_nodes, face_normals, vertex_normals
 from cortet.meshes import FloatArray, TetMesh, TriSurface
 
 MATERIAL = Material()
@@ -166,6 +168,25 @@ def test_it_stops_at_an_inverted_element_and_moves_nothing(bad):
     assert np.array_equal(state.x, x, equal_nan=True)
 
 
+def test_the_flatter_an_element_the_harder_it_is_pushed_open_and_nearly_flat_ones_are_counted():
+    mesh = cube_mesh(1)
+    body, work = ungrown(mesh)
+    top, edges = mesh.points[:, 2] == 1, 19
+    for stretch, degenerate in ((0.2, 0), (0.05, len(mesh.cells) + edges)):
+        flat = Motion(mesh.points * [1, 1, stretch], np.zeros_like(mesh.points))
+        work.counts[0] = 0
+        assert advance(body, MATERIAL, flat, work, no_contact(mesh), steps(1), 1e-9) == (1, DONE)
+        assert work.counts[0] == degenerate and work.min_j[0] == pytest.approx(min(stretch, 1))
+
+    def push(stretch: float) -> float:
+        elastic_forces(MATERIAL._replace(bulk=0.0), mesh.points * [1, 1, stretch], work, NO_GROWTH, 0.0)
+        return float(nodal_forces(work)[top, 2].sum())
+
+    assert push(0.1 - 1e-9) == pytest.approx(push(0.1 + 1e-9), rel=1e-6)
+    pushes = [push(stretch) for stretch in (0.2, 0.1, 0.05, 0.0, -0.05)]
+    assert np.all(np.diff(pushes) > 0)
+
+
 def shear_stress(f: np.ndarray) -> np.ndarray:
     """Deviatoric P (m, 3, 3) for a modulus of 1, by the formula of the module `law`."""
     j, trace, inverse = np.linalg.det(f), (f**2).sum(axis=(1, 2)), np.linalg.inv(f).transpose(0, 2, 1)
@@ -219,6 +240,14 @@ def test_the_compiled_loops_compute_what_the_formulas_say(cells):
     assert work.block_min.min() == pytest.approx(np.linalg.det(f).min(), rel=1e-13)
 
 
+def test_functions_without_calls_are_those_of_the_library():
+    x = np.linspace(-250, 250, 10001)
+    assert [exponential(value) for value in x] == pytest.approx(np.exp(x), rel=1e-15)
+    assert exponential(1e9) > 1e130 and 0 < exponential(-1e9) < 1e-130
+    j = np.logspace(-12, 6, 1001)
+    assert [inverse_cube_root(value) for value in j] == pytest.approx(j ** (-1 / 3), rel=1e-15)
+
+
 def test_the_loop_of_the_law_is_made_of_vector_instructions():
     """One call that is left in it would make it ten times slower, and nothing else would tell."""
     fresh = numba.njit(fastmath={"contract"}, error_model="numpy")(stress_elements.py_func)
@@ -240,6 +269,60 @@ def two_blocks(gap: float, n: int = 4) -> TetMesh:
 
 def contact(mesh: TetMesh, side: float = 0.0) -> Contact:
     return contact_of(mesh.points, boundary_faces(mesh), bulk=5.0, side=side)
+
+
+def pairs(found: Contact) -> set[tuple[int, int]]:
+    return {
+        (int(node), int(face))
+        for i, node in enumerate(found.nodes)
+        for face in found.candidates[found.offsets[i] : found.offsets[i + 1]]
+    }
+
+
+def all_pairs(x: np.ndarray, faces: np.ndarray, radius: float) -> set[tuple[int, int]]:
+    """Every node and triangle that face each other within the radius and share no neighbour, one by one."""
+    normals, node_normals = face_normals(x, faces), vertex_normals(x, faces)
+    ring: dict[int, set[int]] = {int(node): {int(node)} for node in np.unique(faces)}
+    for a, b in faces[:, TRI_EDGES].reshape(-1, 2):
+        ring[int(a)].add(int(b))
+        ring[int(b)].add(int(a))
+    nodes = np.unique(faces)
+    found = set()
+    for face, corners in enumerate(faces):
+        triangle = surface_tree(x, corners[None])
+        distances = closest_points(triangle, x[nodes]).distances
+        for node in nodes[distances < radius]:
+            facing = node_normals[node] @ normals[face] < 0
+            if facing and not ring[int(node)] & set(corners.tolist()):
+                found.add((int(node), face))
+    return found
+
+
+def blocks_askew() -> TriSurface:
+    """The surface of two blocks, the upper one standing on an edge that all but touches the lower."""
+    mesh = two_blocks(0.0, n=5)
+    points = mesh.points.copy()
+    turned = len(points) // 2
+    angle = np.radians(40)
+    y, z = points[turned:, 1] - 0.5, points[turned:, 2] - 1.0
+    points[turned:, 1] = 0.5 + np.cos(angle) * y - np.sin(angle) * z
+    points[turned:, 2] = 1.4 + np.sin(angle) * y + np.cos(angle) * z
+    return TriSurface(points, boundary_faces(mesh))
+
+
+@pytest.mark.parametrize("case", ["in parallel", "askew"])
+def test_the_list_is_what_a_search_over_all_pairs_finds(case):
+    parallel = two_blocks(0.05)
+    surface = TriSurface(parallel.points, boundary_faces(parallel)) if case == "in parallel" else blocks_askew()
+    found = contact_of(surface.points, surface.faces, bulk=5.0)
+    expected = all_pairs(surface.points, surface.faces, found.radius)
+    assert pairs(found) == expected
+    assert len(expected) > 10
+    x, margin = surface.points.copy(), found.radius - found.reach
+    x[found.nodes[3], 1] += 0.49 * margin
+    assert not moved_too_far(found, x)
+    x[found.nodes[3], 1] += 0.02 * margin
+    assert moved_too_far(found, x) and not moved_too_far(listed_at(found, x, 1.0), x)
 
 
 def test_colliding_blocks_bounce_without_passing_through_each_other():
