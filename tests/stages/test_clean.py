@@ -11,7 +11,7 @@ from cortet.geometry import topology
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.measure.quality import quality
 from cortet.meshes import TetMesh
-from cortet.stages.clean import clean
+from cortet.stages.clean import clean, schedule
 
 SURFACE = ball_surface(2, 1.0)
 
@@ -52,6 +52,14 @@ def test_a_good_mesh_is_left_as_it_is():
     surface, _ = topology.boundary_surface(mesh)
     result, report = clean(mesh, surface, Clean(improve_mean=False))
     assert np.array_equal(result.points, mesh.points) and report.vertices_moved == 0
+
+
+def test_each_pass_comes_closer_to_min_max_unless_the_mean_would_pay_for_it():
+    assert [aim.power for aim in schedule([0.7, 0.5, 0.3], improve_mean=True)] == [2, 8, 16, 32, 2]
+    assert [aim.power for aim in schedule([0.7, 0.5, 0.3], improve_mean=False)] == [2, 4, 4, 4, 16, 2]
+    assert [aim.threshold for aim in schedule([0.3], improve_mean=False)] == pytest.approx([0.15, 0.3, 0.2, 0.15])
+    assert schedule([], improve_mean=False) == []
+    assert [aim.threshold for aim in schedule([0.4], improve_mean=True)] == [0, 0.4, 0]
 
 
 def test_overlapping_tetrahedra_and_settings_that_contradict_each_other_are_refused(mesh):

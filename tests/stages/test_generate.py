@@ -9,7 +9,7 @@ from shapes import ball_surface, horseshoe, real_surface, torus
 from cortet.config.stages import Generate
 from cortet.errors import InputError
 from cortet.geometry.closest_point import closest_points, surface_tree
-from cortet.geometry.topology import boundary_faces, enclosed_volume, surface_topology
+from cortet.geometry.topology import boundary_faces, boundary_nodes, enclosed_volume, surface_topology
 from cortet.measure.quality import circumradii, quality, signed_volumes
 from cortet.meshers._cgal import PASSES
 from cortet.meshers.cgal import installed_backend
@@ -135,6 +135,17 @@ def test_a_closed_surface_is_meshed_whichever_way_it_is_turned_and_keeps_its_han
     inward = TriSurface(np.concatenate([ball.points, [[99, 99, 99]]]), ball.faces[:, ::-1])
     mesh, _ = generate(inward, plain, cell_size=1.5, mesher="cgal")
     assert is_sound(mesh) and np.abs(mesh.points).max() < 5.01
+
+
+def test_a_seed_makes_another_mesh_of_the_same_surface_with_cgal_too():
+    ball = ball_surface(3)
+    usual, turned = (
+        generate(ball, Generate(backend="cgal", seed=seed, **REFINEMENT_ONLY), cell_size=1.5, mesher="cgal")[0]
+        for seed in (0, 1)
+    )
+    assert len(usual.points) != len(turned.points) or not np.allclose(usual.points, turned.points)
+    nodes = turned.points[boundary_nodes(turned)]
+    assert closest_points(surface_tree(ball.points, ball.faces), nodes).distances.max() < 1e-3
 
 
 def test_the_narrow_sulci_of_a_real_brain_are_kept_open():
