@@ -91,9 +91,7 @@ def _full_disk_named(path: Path) -> Iterator[None]:
             raise
         free = shutil.disk_usage(path.parent).free // 1000
         remedy = "free some space, or give a folder on another disk"
-        raise InputError(
-            f"cannot be written: its disk has only {free} kB left", file=path, remedy=remedy
-        ) from error
+        raise InputError(f"cannot be written: its disk has only {free} kB left", file=path, remedy=remedy) from error
 
 
 def _make_folder(folder: Path) -> None:

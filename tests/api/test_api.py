@@ -21,7 +21,7 @@ from cortet.formats import vtu
 from cortet.formats.gifti import write_fields, write_surface
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import Certificate
-from cortet.meshes import CoordinateFrame, TriSurface
+from cortet.meshes import TriSurface
 from cortet.solver_files.sidecar import sidecar_path
 
 COARSE = 2.5
@@ -139,13 +139,6 @@ def test_a_call_refuses_what_it_cannot_do(made, call, keyword):
         call(made)
 
 
-def test_an_image_keeps_its_frame_as_its_file_does(ball, tmp_path):
-    shift = (1, 0, 0, 7, 0, 1, 0, 8, 0, 0, 1, 9, 0, 0, 0, 1)
-    frame = CoordinateFrame("NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_SCANNER_ANAT", shift)
-    write_surface(replace(ball, frame=frame), tmp_path / "ball.surf.gii")
-    assert cortet.surface(nib.load(tmp_path / "ball.surf.gii")).frame == frame
-
-
 def test_an_image_in_memory_is_a_volume_as_its_file_is(ball, tmp_path):
     labels = np.full((16, 16, 16), 3, np.int16)
     image = nib.Nifti1Image(labels, np.diag([2.0, 2, 2, 1]) + np.array([[0, 0, 0, -15.0]] * 3 + [[0] * 4]))
@@ -204,21 +197,6 @@ def test_the_same_call_gives_the_same_bits(ball, made):
     assert again.points.tobytes() == made.points.tobytes() and again.cells.tobytes() == made.cells.tobytes()
 
 
-def test_pyvista_gets_every_field_and_the_quality(made):
-    grid = made.to_pyvista()
-    assert grid.n_cells == len(made.cells)
-    assert np.array_equal(grid.cell_data["q"], made.quality.astype(np.float32))
-    assert "height" in grid.point_data
-    assert grid.volume == pytest.approx(4 / 3 * np.pi * 1000, rel=0.05)
-
-
-def test_a_notebook_shows_verdict_picture_and_checks(made):
-    page = made._repr_html_()
-    assert (
-        "tetrahedra<br> worst q" in page and "data:image/webp;base64," in page and page.count("✓") == len(made.checks())
-    )
-
-
 @pytest.mark.parametrize("ending", [".vtu", ".inp", ".msh"])
 def test_it_is_saved_in_the_format_of_its_ending_and_certified_again(made, ball, tmp_path, ending):
     path = made.save(tmp_path / f"ball{ending}")
@@ -255,17 +233,6 @@ def test_a_broken_surface_is_repaired_and_said_how(ball):
     assert any(report.values())
 
 
-def test_a_surface_of_another_unit_is_repaired_in_mm(ball):
-    settings = {"gate": {"unit": "m"}, "repair": {"enabled": True}}
-    of_metres, _ = cortet.repair((ball.points / 1000, ball.faces[1:]), settings)
-    mended, _ = cortet.repair((ball.points, ball.faces[1:]))
-    assert of_metres.points == pytest.approx(mended.points, abs=1e-5)
-
-
-def test_a_mesh_of_a_file_is_checked(ball, made, tmp_path):
-    assert cortet.certify(made.save(tmp_path / "ball.vtu"), ball, 3.0).quality.tets == len(made.cells)
-
-
 def test_a_mesh_folds_from_the_age_it_was_made_at(made, tmp_path):
     said: list[float] = []
     small = {"thickness": 3.0, "force": True}
@@ -286,16 +253,6 @@ def test_a_mesh_folds_from_the_age_it_was_made_at(made, tmp_path):
     sidecar_path(of_another).write_text(sidecar_path(saved).read_text())
     with pytest.raises(InputError, match="age of the mesh is not known"):
         cortet.fold(of_another)
-
-
-def test_the_interface_is_listed_and_nothing_else_is_public():
-    assert set(cortet.__all__) <= set(dir(cortet))
-    from cortet import api, errors
-    from cortet.api import folding as calls
-
-    assert {name for name in cortet.__all__ if not hasattr(errors, name)} == {*api.__all__, *calls.__all__, "phantom"}
-    with pytest.raises(AttributeError, match="no attribute 'meshing'"):
-        _ = cortet.meshing  # type: ignore[attr-defined]
 
 
 def test_a_full_disk_loses_neither_the_mesh_that_was_there_nor_its_certificate(made, tmp_path, monkeypatch):

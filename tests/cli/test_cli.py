@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-import math
 import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cubes import cube_mesh
-from cyclopts import Argument, ArgumentCollection, Token
 from shapes import ball_mesh, ball_surface
 
 import cortet
 from cortet.cli import commands, main
-from cortet.cli.values import Number, inner_file
 from cortet.cohort.sheet import read_sheet
-from cortet.config import load
 from cortet.formats import vtu
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface, surface_topology
 from cortet.meshes import TriSurface
-from cortet.solver_files.sidecar import sidecar_path
 
 
 @pytest.fixture
@@ -70,7 +63,9 @@ REFUSED = [
     ("mesh ball.surf.gii -o y.vtu --config none.yaml", 1, "none.yaml: cannot be read"),
     ("mesh ball.surf.gii -o y.vtu --field thickness=none.shape.gii", 1, "none.shape.gii"),
     *((words, 1, "is a folder") for words in ("quality ''", "certify .", "picture '' -o y.png")),
-    *((f"fold ball.vtu --ga 22 -o y --time-step={step} --force", 1, "time") for step in ("1", "1e-7", "1e-9")),
+    *((f"fold ball.vtu --ga 22 -o y --time-step={step} --force", 1, "time") for step in ("1", "1e-7")),
+    *((f"mesh ball.surf.gii -o y.vtu --cell-size={size}", 2, "--cell-size") for size in ("1e308", "nan", "-1", "x")),
+    ("phantom --ga 26 --subdivisions 40 -o y.surf.gii", 2, "--subdivisions"),
     ("convert ball.vtu y.vtk", 1, ".vtu"),
     ("convert ball.vtu y.bpts", 1, ".pts"),
     ("convert x.feb y.vtu", 1, ".vtu"),
@@ -102,73 +97,6 @@ def test_the_help_of_a_command_ends_with_an_example(words, command, monkeypatch,
     *_, head, example = shown.splitlines()
     assert head == "Example:" and example.startswith(f"  {words}") and max(map(len, shown.splitlines())) <= 80
     command.parse_args(shlex.split(example.removeprefix(f"  {words}")), print_error=False, exit_on_error=False)
-
-
-def options() -> Iterator[tuple[str, ArgumentCollection, Argument]]:
-    """Every argument and option, with the words of its command and all of its arguments."""
-    for words, command in commands():
-        every = command.assemble_argument_collection()
-        yield from ((words, every, one) for one in every if one.show)
-
-
-NUMBERS = [
-    pytest.param(words, every, one, id=f"{words} {one.name}")
-    for words, every, one in options()
-    if isinstance(one.parameter.converter, Number)
-]
-
-
-def test_every_number_of_the_command_has_limits():
-    """A plain float or int, or a function of its own, would take 1e308; files and names are not numbers."""
-    for words, _, one in options():
-        kind = one.parameter.converter
-        if isinstance(kind, Number):
-            assert math.isfinite(kind.low) and math.isfinite(kind.high), (words, one)
-            continue
-        assert callable(kind) or not re.search(r"\b(int|float)\b", str(one.hint)), (words, one)
-        for text in ("1e308", "7") if callable(kind) else ():
-            with contextlib.suppress(ValueError):
-                assert not isinstance(kind(one.hint, [Token(value=text)]), (int, float)), (words, one)
-    assert len(NUMBERS) >= 20
-
-
-@pytest.mark.parametrize(("words", "every", "option"), NUMBERS)
-def test_a_number_beyond_its_limits_is_refused_in_one_sentence(words, every, option, capsys):
-    kind = option.parameter.converter
-    assert isinstance(kind, Number)
-    beyond = [
-        kind.low - (1 if kind.whole else 1e-3),
-        kind.high * 1.01 + 1,
-        "1e308",
-        "-1",
-        "nan",
-        "-inf",
-        "9" * 5000,
-        "x",
-    ]
-    command = [*words.split()[1:], *required(every, but=option)]
-    count, _ = option.token_count()
-    for value in [*map(str, beyond), *([] if kind.endless else ["inf"]), *(["1.5"] if kind.whole else [])]:
-        with pytest.raises(SystemExit) as stopped:
-            main([*command, *([option.name, *[value] * count] if count > 1 else [f"{option.name}={value}"])])
-        assert stopped.value.code == 2
-        (complaint,) = capsys.readouterr().err.splitlines()
-        limits = f"number from {kind.low:g} to {kind.high:.10g}"
-        assert f"{option.name}: {value!r} is not a" in complaint and limits in complaint
-    assert kind.read(str(kind.low)) == kind.low and kind.read(str(kind.high)) == kind.high
-
-
-def required(every: ArgumentCollection, but: Argument) -> Iterator[str]:
-    """Words for all that a command must be given, but for one option."""
-    for one in every:
-        if one.required and one.show and one is not but:
-            kind = one.parameter.converter
-            value = (
-                str(kind.high)
-                if isinstance(kind, Number)
-                else (one.get_choices() or [{"PNG": "x.png", "N": "2"}.get(str(one.parameter.metavar), "x.gii")])[0]
-            )
-            yield from [*([] if one.field_info.is_positional else [one.name]), *[value] * one.token_count()[0]]
 
 
 def test_gate_gives_one_verdict_per_file(ball, tmp_path, capsys):
@@ -225,12 +153,6 @@ def test_quality_prints_a_table_and_the_record_on_request(tmp_path, capsys):
     assert record["tets"] == 48 and f"{record['q']['max']:.4f}" in table
 
 
-def test_config_prints_a_configuration_that_can_be_used(tmp_path, capsys):
-    assert main(["config", "--setting", "published"]) == 0
-    (tmp_path / "c.yaml").write_text(capsys.readouterr().out)
-    assert load(tmp_path / "c.yaml") == load({"setting": "published"})
-
-
 def test_certify_checks_a_mesh_by_its_surface(tmp_path, capsys):
     mesh = cube_mesh(3, side=6.0)
     surface, _ = boundary_surface(mesh)
@@ -280,30 +202,6 @@ def test_a_white_surface_is_meshed_without_a_cortex_and_that_is_said(tmp_path, c
     assert json.loads((tmp_path / "x.vtu.json").read_text())["sets"]["cells"].keys() == {"core", "cortex"}
     made = cortet.mesh(given, 5.0, progress=False)
     assert made.origin.kind == "white" and made.named().sets.cells.keys() == {"core"}
-
-
-def test_phantom_writes_a_surface_of_that_age(tmp_path, capsys):
-    path = tmp_path / "p.surf.gii"
-    assert main(["phantom", "--ga", "26", "--subdivisions", "3", "-o", str(path)]) == 0
-    assert len(read_surface(path).points) == 642
-    assert capsys.readouterr().out == f"{path}: 642 vertices, 1280 faces\n"
-
-
-def test_cohort_scan_writes_a_sheet_and_names_what_has_no_age(tmp_path, capsys):
-    for session in ("1", "2"):
-        folder = tmp_path / "release" / "sub-A" / f"ses-{session}" / "anat"
-        folder.mkdir(parents=True)
-        (folder / f"sub-A_ses-{session}_hemi-left_wm.surf.gii").touch()
-    (tmp_path / "release" / "sub-A" / "sub-A_sessions.tsv").write_text("session_id\tscan_age\nses-1\t25.5\n")
-    sheet = tmp_path / "cohort.tsv"
-    assert main(["cohort", "scan", str(tmp_path / "release"), "-o", str(sheet)]) == 0
-    assert [(case.name, case.include, case.scan_age) for case in read_sheet(sheet)] == [
-        ("sub-A_ses-1_hemi-L", True, 25.5),
-        ("sub-A_ses-2_hemi-L", True, None),
-    ]
-    shown = capsys.readouterr().out
-    assert f"{sheet}: 2 surfaces" in shown
-    assert "1 not folded because the gestational age is unknown: sub-A_ses-2_hemi-L (adults need none" in shown
 
 
 def test_a_dry_run_of_the_group_alone_ends_as_the_run_does(tmp_path, capsys):
@@ -358,44 +256,11 @@ def test_a_mesh_that_was_changed_after_cortet_wrote_it_is_told(tmp_path, capsys)
     assert "cube.vtu: changed after cortet wrote it" in told.err
 
 
-def test_a_path_may_have_an_equals_sign():
-    assert inner_file("white=/a=1/white.surf.gii") == ("white", "/a=1/white.surf.gii")
-    assert inner_file("/a=1/white.surf.gii") == ("white", "/a=1/white.surf.gii")
-    with pytest.raises(ValueError, match="is not NAME=FILE"):
-        inner_file("my white=white.surf.gii")
-
-
-def test_convert_scales_carp_files_as_asked(tmp_path):
-    vtu.write(cube_mesh(1, side=2.0), tmp_path / "cube.vtu")
-    assert main(["convert", str(tmp_path / "cube.vtu"), str(tmp_path / "cube.pts"), "--source-unit", "mm"]) == 0
-    assert "2000 2000 2000" in (tmp_path / "cube.pts").read_text()
-    assert main(["convert", str(tmp_path / "cube.pts"), str(tmp_path / "back.mesh")]) == 0
-    assert "2.000000000 2.000000000 2.000000000" in (tmp_path / "back.mesh").read_text()
-
-
 def test_a_reader_that_has_enough_is_no_error(tmp_path):
     vtu.write(cube_mesh(1), tmp_path / "cube.vtu")
     pipe = f"{sys.executable} -m cortet.cli quality {tmp_path / 'cube.vtu'} --json | head -c 1"
     done = subprocess.run(["bash", "-c", pipe], capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == ("{", "")
-
-
-def test_a_fold_of_the_other_hemisphere_or_age_than_the_files_is_refused(tmp_path, capsys):
-    path = tmp_path / "x.surf.gii"
-    write_surface(ball_surface(3, 14.0), path)
-    text = path.read_text()
-    named = "<MetaData><MD><Name>AnatomicalStructurePrimary</Name><Value>CortexLeft</Value></MD></MetaData>"
-    path.write_text(text.replace("<MetaData/>", named, 1).replace("<MetaData />", named, 1))
-    assert main(["mesh", str(path), "--ga", "28", "--cell-size", "5", "-o", str(tmp_path / "x.vtu")]) == 0
-    assert main(["convert", str(tmp_path / "x.vtu"), str(tmp_path / "x.inp")]) == 0
-    command = ["fold", str(tmp_path / "x.inp"), "-o", str(tmp_path / "folded")]
-    for more, word in ((["--ga", "28", "--hemi", "R"], "hemisphere L"), (["--ga", "22", "--hemi", "L"], "28 weeks")):
-        assert main([*command, *more]) == 1
-        assert word in capsys.readouterr().err
-    sidecar_path(tmp_path / "x.inp").unlink()
-    assert main(command) == 1
-    assert "--ga" in capsys.readouterr().err
-    assert not (tmp_path / "folded").exists()
 
 
 def test_a_fold_that_was_killed_goes_on_with_the_age_of_its_file(tmp_path):

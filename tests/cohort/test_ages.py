@@ -70,12 +70,6 @@ def test_a_configuration_may_name_the_column_age_whose_unit_the_sidecar_still_st
     assert found == [None] and "in years" in said
 
 
-def test_a_sidecar_may_state_the_unit_alone(tmp_path):
-    folder = dataset(tmp_path, "scan_age", {"a": "28"})
-    (folder / "participants.json").write_text('{"scan_age": "years"}')
-    assert ages(folder)[0] == [None]
-
-
 def test_the_ages_of_a_table_that_names_no_participants_are_nobodys(tmp_path):
     folder = dataset(tmp_path, "scan_age", {"a": "28"})
     (folder / "participants.tsv").write_text("subject\tscan_age\nsub-b\t30\n")
@@ -105,32 +99,12 @@ def test_sessions_that_share_the_age_of_their_participant_are_named(tmp_path):
     assert "not read: 2000 in column ga of sub-{participant}" in said and "share" not in said
 
 
-def test_a_table_that_is_not_needed_is_neither_read_nor_spoken_of(tmp_path):
-    folder, anat = tmp_path, tmp_path / "sub-a/ses-1/anat"
-    anat.mkdir(parents=True)
-    (anat / "sub-a_ses-1_hemi-L_white.surf.gii").touch()
-    (folder / "sub-a/sub-a_sessions.tsv").write_text("session_id\tscan_age\nses-1\t28\n")
-    (folder / "participants.tsv").write_text("participant_id\tage\nsub-a\t2\n")
-    found, said = ages(folder)
-    assert found == [28.0] and "not read" not in said
-    (folder / "participants.tsv").write_text("participant_id;age\nsub-a;2\n")
-    assert ages(folder)[0] == [28.0]
-
-
 @pytest.mark.parametrize("separator", [";", ",", "   "])
 def test_a_table_that_no_tabs_separate_is_refused(tmp_path, separator):
     folder = dataset(tmp_path, "scan_age", {"01": "28"})
     (folder / "participants.tsv").write_text(f"participant_id{separator}scan_age\nsub-01{separator}28\n")
     with pytest.raises(InputError, match=rf"participants.tsv: .*'{separator}'"):
         ages(folder)
-
-
-def test_a_sidecar_that_is_none_is_refused(tmp_path):
-    folder = dataset(tmp_path, "scan_age", {"a": "28"})
-    for text, words in (("{", "is not JSON"), ("[1]", "holds no keys")):
-        (folder / "participants.json").write_text(text)
-        with pytest.raises(InputError, match=rf"participants.json: {words}"):
-            scan(folder)
 
 
 def test_rows_that_contradict_each_other_give_no_age(tmp_path):

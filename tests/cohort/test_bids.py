@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import cortet
-from cortet.cohort.app import lock, outcome, require_plain_python
+from cortet.cohort.app import lock, require_plain_python
 from cortet.cohort.bids import Places, descriptions, provenance, write_dataset_description, write_descriptions
-from cortet.cohort.plan import Plan
-from cortet.cohort.sheet import Case
 from cortet.config import load
 from cortet.errors import InputError
 from cortet.formats.tsv import read_tsv
@@ -58,11 +55,6 @@ def test_sources_are_bids_uris_whose_names_the_description_explains(places, tmp_
     assert {"URL": "../../dhcp"} in datasets and [one["DOI"] for one in datasets if "DOI" in one] == ["doi:10.1/x"]
 
 
-def test_two_datasets_of_one_name_have_two(places, tmp_path):
-    files = [tmp_path / part / "surfaces/a.surf.gii" for part in ("one", "two")]
-    assert len({places.uri(file) for file in files}) == 2
-
-
 def test_every_desc_is_documented(tmp_path):
     config = {"generate": {"meshers": ["lattice", "cgal"]}}
     settings = {"": load(config), "Published": load({**config, "setting": "published"})}
@@ -89,19 +81,3 @@ def test_a_python_that_snakemake_cannot_call_is_refused(folder):
     require_plain_python("/home/josé/env-1.2/bin/python")
     with pytest.raises(InputError, match="Snakemake cannot run jobs with a Python whose path has"):
         require_plain_python(f"/home/{folder}/bin/python")
-
-
-def test_the_last_line_of_a_run_counts_what_the_table_of_states_says(tmp_path):
-    case = Case("01", None, "L", 28.0, "phantom")
-    plan = Plan({"": load({"output": str(tmp_path)})}, [case])
-    page = tmp_path / "cohort/index.html"
-    page.parent.mkdir()
-    page.touch()
-    certificate = Path(next(iter(plan.each_case(plan.layout.certificate).values())))
-    certificate.parent.mkdir(parents=True)
-    certificate.write_text('{"schema": 1, "certified": true}')
-    assert outcome(plan, tmp_path, page=True).startswith(f"1 case: 1 certified; open {page}; meshes: ")
-    assert "index.html" not in outcome(plan, tmp_path, page=False)
-    failed = {"stage": "repair", "state": "failed", "reason": "truncated"}
-    since = replace(plan, failures={("sub-01_hemi-L", 600, "lattice"): failed})
-    assert outcome(since, tmp_path, page=False).startswith("1 case: 1 failed; ")

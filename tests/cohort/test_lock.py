@@ -48,12 +48,6 @@ def test_a_second_run_is_told_who_is_first_and_kill_9_leaves_nothing_to_remove(t
     os.kill(child, signal.SIGKILL)
 
 
-def test_a_folder_that_cannot_be_written_to_is_named(tmp_path):
-    (tmp_path / "file").touch()
-    with pytest.raises(InputError, match=r"file/out: cannot be written to: Not a directory"):
-        hold(tmp_path / "file" / "out")
-
-
 def test_asking_whether_a_folder_is_free_writes_nothing_and_the_text_of_a_lock_counts_for_nothing(tmp_path):
     require_free(tmp_path / "new")
     require_free(tmp_path)

@@ -10,26 +10,17 @@ from shapes import ball_surface
 
 from cortet.cohort.resources import (
     COSTS,
-    LATTICE,
-    Cost,
     cost,
     expected_tets,
-    expected_volume_ml,
     memory_to_ask_mb,
     minutes_to_ask,
 )
 from cortet.config.stages import Generate
-from cortet.errors import InputError
 from cortet.geometry.topology import enclosed_volume
 from cortet.stages import STAGES
 from cortet.stages.generate import generate
 
 ROOT = Path(__file__).parents[2]
-
-
-def test_a_surface_of_unknown_age_may_be_as_large_as_an_adult_one():
-    assert expected_volume_ml(None) > expected_volume_ml(60.0)
-    assert expected_volume_ml(None, whole=True) == 2 * expected_volume_ml(None)
 
 
 @pytest.mark.parametrize("mesher", ["cgal", "lattice"])
@@ -40,13 +31,6 @@ def test_a_ball_has_about_as_many_tetrahedra_as_expected(mesher):
         ball, Generate(odt=False, lloyd=False, perturb=False, exude=False), cell_size=1.25, mesher=mesher
     )
     assert len(mesh.cells) == pytest.approx(expected_tets(volume_ml, 1.25, mesher), rel=0.25)
-
-
-@pytest.mark.parametrize(
-    ("weeks", "volume_ml"), [(22, 29.0), (25, 39.3), (28, 52.2), (30, 69.6), (33, 87.4), (40, 94.1)]
-)
-def test_no_template_is_larger_than_expected_of_its_age(weeks, volume_ml):
-    assert volume_ml <= expected_volume_ml(weeks) == expected_volume_ml(weeks, whole=True) / 2
 
 
 def test_a_mesh_that_was_measured_fits_into_what_is_asked_for():
@@ -60,18 +44,6 @@ def test_a_mesh_that_was_measured_fits_into_what_is_asked_for():
     for (rule, mesher), (tets, megabytes, seconds) in measured.items():
         assert megabytes < memory_to_ask_mb(cost(rule, mesher).memory_mb(tets)) < 3 * megabytes + 1000
         assert seconds / 60 < minutes_to_ask(cost(rule, mesher).cpu_seconds(tets))
-
-
-def test_the_lattice_has_a_cost_of_its_own_in_s1_only():
-    assert cost("generate", "lattice") is LATTICE
-    assert cost("clean", "lattice") is cost("clean", "cgal") is COSTS["clean"]
-    assert cost("gate_inner") is COSTS["gate"]
-    assert Cost((100, 10), (1, 5)).memory_mb(2e6) == 120
-
-
-def test_a_rule_without_a_cost_is_an_error_that_names_it():
-    with pytest.raises(InputError, match="polish"):
-        cost("polish")
 
 
 def test_the_profile_groups_every_rule_on_a_case_but_the_long_ones():

@@ -184,12 +184,6 @@ def test_of_several_surfaces_one_is_taken_and_the_others_are_named(tmp_path, wha
     assert told in scanned(folder)[1]
 
 
-def test_of_two_runs_that_with_both_surfaces_is_taken_where_both_are_asked_for(tmp_path):
-    names = [f"{A}_run-{end}.surf.gii" for end in ("1_hemi-L_white", "2_hemi-L_white", "2_hemi-L_pial")]
-    folder = touched(tmp_path, *names)
-    assert surfaces(folder) == names[:1] and surfaces(folder, Scan(pial=True)) == names[2:]
-
-
 @pytest.mark.parametrize(
     ("file", "words"),
     [
@@ -227,19 +221,3 @@ def test_links_whose_content_is_elsewhere_are_named(tmp_path):
     with pytest.raises(InputError, match="is a link to a file that was not downloaded") as error:
         read_surface(surf / "rh.pial")
     assert str(error.value) == str(missing_surface(surf / "rh.pial", column="surface"))
-
-
-def test_a_sheet_names_links_not_what_they_lead_to(tmp_path):
-    """DataLad keeps content under names that say neither surface nor hemisphere; a link may lead to itself."""
-    folder = freesurfer(tmp_path / "fs", "bert")
-    white = folder / "bert/surf/lh.white"
-    key = touched(folder, ".git/annex/objects/MD5E-s9--0a") / ".git/annex/objects/MD5E-s9--0a"
-    white.rename(key)
-    white.symlink_to("../../.git/annex/objects/MD5E-s9--0a")
-    (folder / "bert/surf/rh.white").unlink()
-    (folder / "bert/surf/rh.white").symlink_to("rh.white")
-    cases = [case for case in scan(folder) if Path(case.surface).name == "lh.white"]
-    sheet = tmp_path / "surfaces.tsv"
-    write_sheet([*cases, replace(cases[0], hemi="R", surface=white.with_name("rh.white"))], sheet)
-    text = sheet.read_text()
-    assert "fs/bert/surf/lh.white" in text and "fs/bert/surf/rh.white" in text and ".git" not in text

@@ -10,7 +10,6 @@ import pytest
 
 from cortet.cohort.selection import ageless_notice, chosen, folded
 from cortet.cohort.sheet import COLUMNS, Case, add_to_sheet, read_sheet, write_sheet
-from cortet.config import load
 from cortet.errors import InputError
 
 GOOD = "007\t01\tL\t27.5\tdata/a.surf.gii\tyes\tn/a"
@@ -148,16 +147,6 @@ def test_new_cases_are_appended_and_every_row_stays(tmp_path):
     assert add_to_sheet(found, path) == []
 
 
-def test_a_file_below_the_working_folder_has_one_spelling(tmp_path, monkeypatch):
-    (tmp_path / "data").mkdir()
-    (tmp_path / "data/x.gii").touch()
-    monkeypatch.chdir(tmp_path)
-    for name in ("data/x.gii", "./data/x.gii", f"../{tmp_path.name}/data/x.gii", str(tmp_path / "data/x.gii")):
-        sheet(Path(), GOOD.replace("data/a.surf.gii", name))
-        for path in (Path("cohort.tsv"), Path("cohort.tsv").absolute()):
-            assert read_sheet(path)[0].surface == Path("data/x.gii"), name
-
-
 def test_cases_are_chosen_by_name_by_number_over_the_ages_or_all():
     cases = [Case(str(age), None, "L", age, "phantom") for age in (30, 22, 36, 26, 34)]
     assert chosen(cases, "all") == cases
@@ -200,10 +189,3 @@ def test_a_case_without_an_age_is_told_and_not_folded(tmp_path):
     (notice,) = ageless_notice([old, ageless], smoothed=True, folded=True)
     assert notice.startswith("1 not smoothed or folded because")
     assert ageless_notice([old], smoothed=True, folded=True) == []
-
-
-def test_the_demo_folds_one_case_and_another_sheet_none():
-    root = Path(__file__).parents[2]
-    which = load(root / "config.yaml").fold.cases
-    assert [case.name for case in folded(read_sheet(root / "demo/cohort.tsv"), which)] == ["sub-phantom22_hemi-L"]
-    assert folded(read_sheet(root / "demo/pairs.tsv"), which) == []

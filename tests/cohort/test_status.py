@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
-import subprocess
-import sys
 
 import pytest
 
@@ -66,12 +63,3 @@ def test_why_a_job_failed_follows_from_its_log(tmp_path, text, reason):
     if text is not None:
         log.write_text(f"10:00 INFO begun\n{text}")
     assert failure_reason(log) == reason
-
-
-def test_faulthandler_leaves_the_place_where_a_process_was_stopped(tmp_path):
-    log = tmp_path / "job.log"
-    code = "import faulthandler, os, signal; faulthandler.register(signal.SIGTERM, file=2, chain=True)\n"
-    code += "def fill(): os.kill(os.getpid(), signal.SIGTERM)\nfill()\n"
-    with log.open("w") as file:
-        assert subprocess.run([sys.executable, "-c", code], stderr=file, check=False).returncode == -signal.SIGTERM
-    assert "in fill, line 2" in failure_reason(log)

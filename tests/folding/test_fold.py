@@ -26,7 +26,7 @@ from cortet.folding.journal import TABLE
 from cortet.folding.law import ALONG
 from cortet.folding.measurements import COLUMNS, Measurements
 from cortet.folding.models import CONSTANTS
-from cortet.folding.run import beginning, prepared, thickness_mm, time_step_of
+from cortet.folding.run import beginning, prepared, thickness_mm
 from cortet.formats import braingrowth
 from cortet.formats.tables import names
 from cortet.formats.tsv import read_tsv
@@ -63,24 +63,6 @@ def finished(ball: TetMesh, tmp_path_factory: pytest.TempPathFactory) -> tuple[P
     return folder, fold(ball, folder, QUICK)
 
 
-def test_time_and_age():
-    assert time_of(22.0) == pytest.approx(0, abs=1e-3)
-    assert time_of(44.0) == pytest.approx(1, abs=0.01)
-    for age in (20.0, 22.0, 28.3, 40.0):
-        assert age_of(time_of(age)) == pytest.approx(age)
-
-
-def test_growth_is_relative_to_the_start():
-    law = Linear(1.829)
-    assert growth_since(law, 0.0, 0.5) == pytest.approx(0.9145)
-    assert growth_since(law, 0.5, 0.5) == 0
-    parts = (1 + growth_since(law, 0.0, 0.3)) * (1 + growth_since(law, 0.3, 0.8))
-    assert parts == pytest.approx(1 + growth_since(law, 0.0, 0.8))
-    region = Gompertz(amplitude=2.0, rate=5.0, latency=0.4)
-    assert region(0.4) == pytest.approx(2 / np.e)
-    assert region(5.0) == pytest.approx(2)
-
-
 def test_the_ball_grows_without_inversion(finished):
     folder, verdict = finished
     rows = table(folder)
@@ -99,18 +81,6 @@ def test_the_energies_balance(ball, tmp_path):
     rows = table(tmp_path)
     assert np.all(np.diff(rows["growth_work"]) > 0) and np.all(np.diff(rows["dissipated_energy"]) > 0)
     assert rows["energy_error"].abs().max() < 1e-2
-
-
-def test_the_time_step_follows_the_body(ball):
-    run = prepared(ball, QUICK)
-    run = run._replace(material=run.material._replace(density=1e-4))  # stability limits the step of its large cells
-    moment = beginning(run)
-    free = time_step_of(run, moment)
-    moment.state.x[:, 2] *= 0.03
-    moment.mode = None
-    assert time_step_of(run, moment) < 0.97 * free
-    bound = run._replace(time_step=0.5 * free)
-    assert time_step_of(bound, beginning(run)) == 0.5 * free
 
 
 def test_frames_are_meshes_in_the_users_numbering(ball, finished):
@@ -219,14 +189,6 @@ def test_caps_on_holes_of_the_file_do_not_grow(ball):
     assert np.array_equal(growth_mask(replace(ball, point_data={FILLED: 0 * top}), scale, wall), without)
 
 
-def test_the_mask_of_the_reference_is_an_ellipsoid_at_every_node(ball):
-    scale = scale_of(ball, None, reference=True)
-    lr, ap, si = ((ball.points - scale.origin) / scale.length).T
-    x, y, z = -ap, lr, -si  # its coordinates
-    radius = np.linalg.norm([(x + 0.1) * 0.714, y, z - 0.05], axis=0)
-    assert growth_mask(ball, scale, reference=True) == pytest.approx(np.clip(1 - 10 * (0.6 - radius), 0, 1))
-
-
 @pytest.mark.parametrize("model", ["growing", "braingrowth"])
 def test_fields_of_the_mesh_replace_the_defaults(ball, model):
     upper = ball.points[:, 2] > 3.0
@@ -266,14 +228,6 @@ def test_an_inverted_mesh_is_refused_before_anything_is_computed(tmp_path, fault
     for checked in (lambda: fold(wrong, tmp_path, settings), lambda: prepared(wrong, settings)):
         with pytest.raises(InputError, match="tetrahedron 5 .*inverted" if fault == "one" else "inverted"):
             checked()
-
-
-def test_the_reference_counts_growth_from_its_start_and_a_step_late(ball):
-    settings = Settings(gestational_age=30.0, model="braingrowth", reference=True, time_step=1e-4)
-    run, start = prepared(ball, settings), time_of(30.0)
-    (growth,), (thickening,), _ = run.growth.at(np.array([start + 5e-4]), 1e-4)
-    assert growth[0] == pytest.approx([1.829 * (start + 4e-4), 0, 0])
-    assert thickening == pytest.approx(0.01 * 4e-4)
 
 
 @pytest.mark.parametrize(("hemisphere", "side"), [("L", -1.0), ("R", 1.0)])

@@ -1,27 +1,84 @@
-"""Figures and film of a run, and the command that makes a run; all without a display."""
+"""What is measured and drawn of folds: their width and depth, figures and film of a run, and the table of all runs."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 import nibabel
 import numpy as np
-import pandas as pd
 import pytest
 from PIL import Image
+from pydantic import ValidationError
 from shapes import ball_mesh, ball_surface
 
 from cortet.cli import main
+from cortet.config import load
+from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding import fold_figures
-from cortet.folding.fold_figures import numbers
-from cortet.folding.fold_views import brain_of
-from cortet.folding.journal import per_percent, series, status
-from cortet.folding.measurements import Measurements
+from cortet.folding.cohort_folding import COLUMNS, write_cohort_folding
+from cortet.folding.fold import fold
+from cortet.folding.fold_views import (
+    Brain,
+    Row,
+    bar_length,
+    sheet,
+    sides,
+    view,
+)
+from cortet.folding.journal import series
+from cortet.folding.measurements import folds_of, mean_curvature, shape
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
 from cortet.formats.ownership import MANIFEST
+from cortet.formats.tables import names
 from cortet.formats.tsv import read_tsv
+from cortet.meshes import TriSurface
+
+# --- width and depth of known folds
+
+
+RADIUS = 30.0
+
+
+def rippled(waves: int, height: float) -> tuple[TriSurface, np.ndarray]:
+    """A sphere with so many meridional waves around its equator; only the equator's neighbourhood is cortex."""
+    ball = ball_surface(5, radius=RADIUS)
+    x, y, z = ball.points.T
+    radius = 1 + height / RADIUS * np.cos(waves * np.arctan2(y, x)) * (1 - (z / RADIUS) ** 2)
+    return TriSurface(ball.points * radius[:, None], ball.faces), (np.abs(z) < 5).astype(float)
+
+
+@pytest.mark.parametrize(("waves", "height"), [(16, 0.05), (16, 0.2), (16, 1.5), (10, 1.5)])
+def test_the_wavelength_and_spacing_of_known_waves_of_any_height(waves, height):
+    """Those of 0.05 and 0.2 mm do not make the surface concave."""
+    surface, cortex = rippled(waves, height)
+    found = folds_of(surface.points, surface.faces, cortex)
+    if waves == 16:
+        assert found.wavelength == pytest.approx(2 * np.pi * RADIUS / waves, rel=0.15)
+    assert found.spacing == (pytest.approx(2 * np.pi * RADIUS / waves, rel=0.15) if height > 1 else None)
+
+
+def test_a_ball_is_curved_alike_everywhere_and_has_no_folds():
+    ball = ball_surface(4, radius=RADIUS)
+    everywhere = np.ones(len(ball.points))
+    assert np.median(mean_curvature(ball.points, ball.faces)) == pytest.approx(1 / RADIUS, rel=1e-2)
+    assert folds_of(ball.points, ball.faces, everywhere).spacing is None
+    depth = shape(ball.points, ball.faces, everywhere == 0, np.nan)["sulcal_depth_mm"]
+    assert depth == pytest.approx(0, abs=1e-9)
+
+
+def test_the_depth_of_known_waves():
+    surface, cortex = rippled(16, height=1.5)
+    # the mean of 1.5 (1 - cos), less what the hull, straight from crest to crest, cuts off the sphere: spacing^2 / 12 R
+    expected = 1.5 - (2 * np.pi * RADIUS / 16) ** 2 / (12 * RADIUS)
+    depth = shape(surface.points, surface.faces, cortex == 0, np.nan)["sulcal_depth_mm"]
+    assert depth == pytest.approx(expected, rel=0.1)
+
+
+# --- a run
 
 
 @pytest.fixture(scope="module")
@@ -51,44 +108,6 @@ def test_the_command_makes_everything_and_drawing_again_gives_the_same_files(run
         series(run / "frames/fold.pvd")
 
 
-def test_the_figure_shows_what_the_table_holds(run):
-    figure, rows = numbers(run / "fold.tsv", "L"), read_tsv(run / "fold.tsv").apply(pd.to_numeric, errors="coerce")
-    shown = {axis.get_ylabel(): axis.lines[0] for axis in figure.axes}
-    units = {
-        "gyrification index": ("gyrification_index", 1), "area (cm²)": ("area_mm2", 100),
-        "volume (mL)": ("volume_mm3", 1000), "hull volume (mL)": ("hull_volume_mm3", 1000),
-        "width of folds (mm)": ("fold_spacing_mm", 1), "depth of sulci (mm)": ("sulcal_depth_mm", 1),
-        "smallest $J$": ("min_j", 1), "largest $q$": ("q_max", 1),
-    }  # fmt: skip
-    assert shown.keys() == units.keys()
-    for label, (column, unit) in units.items():
-        assert np.asarray(shown[label].get_ydata()) == pytest.approx(rows[column].to_numpy() / unit, nan_ok=True)
-        assert np.asarray(shown[label].get_xdata()) == pytest.approx([22, 22.1, 22.2], abs=0.02)
-    for hemisphere, sources in (("L", 4), (None, 1)):  # of real brains, each named in the legend
-        (legend,) = numbers(run / "fold.tsv", hemisphere).legends
-        assert len(legend.get_texts()) == 1 + sources
-
-
-def test_rows_are_in_even_steps_with_one_for_every_real_brain_and_others_are_named(monkeypatch, tmp_path, caplog):
-    surface = ball_surface(2)
-    brain = brain_of(surface, np.zeros(len(surface.points), bool))
-    monkeypatch.setattr(fold_figures, "simulated_brain", lambda _: brain)
-    monkeypatch.setattr(fold_figures, "real_brain", lambda *_: brain)
-
-    def rows(ages: list[float], real: list[float]) -> list[tuple[float, str]]:
-        files = {age: tmp_path / f"real{age:g}.surf.gii" for age in real}
-        for path in files.values():
-            path.touch()
-        found = fold_figures.rows_of([(Path(f"{age}.vtu"), age) for age in ages], "L", files)
-        return [(row.age, row.name) for row in found]
-
-    weekly = [float(age) for age in range(22, 41)]
-    assert [age for age, _ in rows(weekly, [])] == [22, 25, 28, 31, 34, 37, 40]
-    assert [age for age, name in rows(weekly[:9], [26.2, 28.4]) if name] == [26, 28] and not caplog.messages
-    assert [age for age, name in rows([30.0, 31.0], [22.0, 30.4, 30.1]) if name] == [30]
-    assert "real22.surf.gii" in caplog.text and "real30.4.surf.gii" in caplog.text
-
-
 @pytest.mark.parametrize(
     ("option", "word"),
     [
@@ -113,11 +132,86 @@ def test_a_real_brain_that_cannot_be_is_refused_before_the_work(option, word, tm
     assert not (tmp_path / "out").exists()
 
 
-def test_a_log_gets_a_line_per_percent_with_what_is_left():
-    now = Measurements(**dict.fromkeys(Measurements.__dataclass_fields__, 1.0))
-    said: list[str] = []
-    progress = per_percent(said.append)
-    for part in (0.0, 0.004, 0.011, 0.012, 0.5, 1.0):
-        progress(now, part, 10.0)
-    assert [line.split("] ")[1][:4].strip() for line in said] == ["0%", "1%", "50%", "100%"]
-    assert "3 min left" in status(now, 0.25, 60.0)
+# --- brains in pictures
+
+
+def box(size: tuple[float, float, float], red: int | None = None) -> Brain:
+    """A ball stretched to these extents, all of it grey but for its half on one side: `red` is 0 for -x to 5 for +z."""
+    ball = ball_surface(3, radius=0.5)
+    colour = np.full(len(ball.points), np.nan)
+    if red is not None:
+        colour[(2 * (red % 2) - 1) * ball.points[:, red // 2] > 0.02] = 0.3
+    return Brain(TriSurface(ball.points * size, ball.faces), colour)
+
+
+@pytest.mark.parametrize("hemisphere", ["L", "R", None])
+def test_what_is_said_of_directions_is_what_is_seen(hemisphere):
+    for side in sides(hemisphere):
+        front, size = box((20.0, 60.0, 40.0), red=3), (160, 160)
+        image = view(front, side, np.zeros(3), size, 2.0).astype(int)
+        red = image[:, :, 0] - image[:, :, 2] > 60
+        on_the_right = red[:, 80:].mean() > red[:, :80].mean()
+        assert side.directions.split(",")[0] == ("anterior right" if on_the_right else "anterior left")
+    midline = box((20.0, 60.0, 40.0), red=0 if hemisphere == "R" else 1)
+    image = view(midline, sides(hemisphere)[2], np.zeros(3), (160, 160), 2.0).astype(int)
+    red = image[:, :, 0] - image[:, :, 2] > 60
+    assert red[:80].mean() > 5 * red[80:].mean()  # "midline up"; of a whole brain, the right side
+
+
+def test_all_brains_of_a_sheet_and_its_bar_have_one_scale():
+    small, large = box((10.0, 30.0, 20.0)), box((20.0, 60.0, 40.0))
+    figure = sheet([Row(22.0, small), Row(30.5, large, small, "atlas, 30 weeks")], "L")
+    axis, margin = figure.axes[0], 4 / 600
+    extents = [image.get_extent() for image in axis.images]
+    widths = [np.ptp(one[:2]) - margin for one in extents]
+    heights = [np.ptp(one[2:]) - margin for one in extents]
+    assert len(widths) == 9 and widths[3] == pytest.approx(2 * widths[0], rel=0.02)
+    assert heights[6] == pytest.approx(heights[0], rel=0.02)
+    bar = next(line for line in axis.lines if line.get_linewidth() == 1.5)
+    length = bar_length(7.2 * 60 / (widths[3] + margin)) / 60
+    assert np.ptp(bar.get_xdata()) / widths[3] == pytest.approx(length, rel=0.02)
+    assert {"22 weeks", "30.5 weeks", "atlas, 30 weeks"} <= {text.get_text() for text in axis.texts}
+
+
+# --- all folds of a cohort
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
+    """A ball folded for a tenth of a week, once with a growth that inverts it."""
+    found = []
+    for variant, changed in ((None, {}), ("wild", {"growth_rate": 1000.0, "end": 40.0, "record_interval": 0.5})):
+        folder = tmp_path_factory.mktemp("run")
+        small = {"gestational_age": 22.0, "end": 22.1, "force": True}
+        fold(ball_mesh(2, radius=10.0), folder, Settings(**{**small, **changed}))
+        run = {"case": "sub-a_hemi-L", "variant": variant, "cell_size_mm": 0.6, "mesher": "lattice", "hemisphere": "L"}
+        found.append({**run, "folder": str(folder)})
+    return found
+
+
+def test_every_run_is_a_row_and_what_went_wrong_comes_first(runs, tmp_path):
+    failed = {**runs[0], "case": "sub-b_hemi-L", "reason": "fold: killed"}
+    del failed["folder"]
+    files = ("folds.tsv", "folds.json", "folds.svg", "folds.png")
+    write_cohort_folding(runs, [failed], [tmp_path / name for name in files])
+    table = read_tsv(tmp_path / "folds.tsv")
+    assert list(table.columns) == names(COLUMNS) == list(json.loads((tmp_path / "folds.json").read_text()))
+    assert table["state"].tolist() == ["failed", "inverted", "folded"]
+    assert table["case"].tolist() == ["sub-b_hemi-L", "sub-a_hemi-L", "sub-a_hemi-L"]
+    assert table["reason"].iloc[0] == "fold: killed" and "inverted" in table["reason"].iloc[1]
+    assert table["variant"].tolist() == ["n/a", "wild", "n/a"]
+    verdict = json.loads((Path(runs[0]["folder"]) / "verdict.json").read_text())
+    assert float(table["min_j"].iloc[2]) == pytest.approx(verdict["min_j"], rel=1e-5)
+    assert float(table["end_weeks"].iloc[2]) == pytest.approx(22.1)
+    assert (tmp_path / "folds.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    "variant",
+    [{"thicknes": 1.0}, {"thickness": -1.0}, {}, {"cases": "all"}, {"real_surfaces": {}}, {"picture": "depth"}],
+)
+def test_a_variant_changes_keys_of_fold_that_there_are(variant):
+    config = load({"fold": {"variants": {"thin": {"thickness": 1.0}}}})
+    assert config.fold.variants["thin"] == {"thickness": 1.0} and "variants" not in config.fold.values()
+    with pytest.raises((InputError, ValidationError), match="fold"):
+        load({"fold": {"variants": {"thin": variant}}})

@@ -121,18 +121,8 @@ def test_a_fold_of_another_mesh_is_refused(folder):
 
 
 def test_weeks_that_a_fold_does_not_reach_are_refused(folder, capsys):
-    command = [
-        "fold",
-        str(folder / "x.vtu"),
-        "--end",
-        "29",
-        "--surfaces",
-        "28.5,34",
-        "-o",
-        str(folder / "later"),
-        "--force",
-    ]
-    assert main(command) == 1
+    weeks = ["--end", "29", "--surfaces", "28.5,34", "--force"]
+    assert main(["fold", str(folder / "x.vtu"), *weeks, "-o", str(folder / "later")]) == 1
     assert "28 to 29 weeks, not to 34" in capsys.readouterr().err
     assert not (folder / "later").exists()
 

@@ -16,7 +16,6 @@ from cortet.folding.medial_wall import Wall, medial_wall
 from cortet.folding.run import advance_to, beginning, described, millimetres, prepared
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
 from cortet.meshes import MeshSets, TetMesh, TriSurface
-from cortet.phantoms import phantom
 from cortet.stages.generate import generate
 
 #: surface -> hemisphere, and share of the surface that the cut has, read off pictures
@@ -51,25 +50,6 @@ def test_a_flat_cut_is_found_on_the_side_of_the_midline(hemisphere, side, turned
     assert 0.05 < wall.share < 0.2
     assert wall.area_mm2 == pytest.approx(wall.share * 2 * (20 * 60 + 20 * 40 + 60 * 40))
     assert np.abs(straight[:, 1]).max() < 25  # the cortex in front of it and behind faces the midline, too
-
-
-@pytest.mark.parametrize("hemisphere", ["L", "R"])
-def test_a_surface_has_the_wall_of_the_body_in_it(hemisphere):
-    mesh = block(8.0)
-    surface, nodes = boundary_surface(mesh)
-    scale, same = scale_of(mesh, hemisphere), scale_of(surface, hemisphere)
-    assert same.origin == pytest.approx(scale.origin, abs=1e-9) and same.length == scale.length
-    inside, on_surface = wall_of(mesh, hemisphere), wall_of(surface, hemisphere)
-    assert on_surface.nodes.sum() > 10 and np.array_equal(on_surface.nodes, inside.nodes[nodes])
-    assert on_surface[1:] == inside[1:]
-
-
-def test_a_body_without_a_cut_has_its_wall_around_the_middle():
-    mesh = generate(phantom(22.0, subdivisions=4), cell_size=3.0, mesher="lattice")[0]
-    wall, scale = wall_of(mesh, "L"), scale_of(mesh, "L")
-    assert "no part of the surface is flat" in wall.found
-    assert 0.05 < wall.share < 0.2
-    assert np.linalg.norm(mesh.points[wall.nodes].mean(axis=0)[1:] - scale.origin[1:]) < 0.2 * scale.length
 
 
 def test_the_mesh_or_the_surface_may_say_what_its_wall_is():
@@ -118,8 +98,3 @@ def test_the_wall_slides_in_the_sagittal_plane_and_does_not_grow():
     assert np.abs(moved[held, 1:]).max() > 1e-3
     assert np.abs(moved[far, 0]).max() > 1e-2
     assert "medial wall: " in described(run)[1]
-
-
-def test_a_whole_brain_has_none():
-    run = prepared(block(), Settings(gestational_age=22.0))
-    assert run.wall is None and not run.body.held.any()

@@ -129,15 +129,6 @@ def test_groups_of_gmsh_are_read_in_its_newest_version(tmp_path):
     }
 
 
-def test_fields_of_elements_of_gmsh_are_left_out_and_this_is_said(tmp_path, caplog):
-    mesh = replace(CUBE, point_data=FIELDS, cell_data={"number": np.arange(48.0)})
-    FORMATS["gmsh"].write(mesh, tmp_path / "m.msh")
-    back = read_mesh(tmp_path / "m.msh")
-    assert np.array_equal(back.cells, CUBE.cells) and "number" not in back.cell_data
-    assert np.array_equal(back.point_data["depth"], FIELDS["depth"])
-    assert "m.msh: fields of elements" in caplog.text
-
-
 def test_a_file_without_its_data_and_a_series_of_times_are_refused(tmp_path, monkeypatch):
     path = written(tmp_path / "x.xdmf")
     (tmp_path / "x.h5").unlink()

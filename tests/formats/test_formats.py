@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
@@ -34,7 +33,6 @@ from cortet.solver_files.sets import named_sets
 from cortet.stages.generate import generate
 from cortet.stages.solver_ready import surface_nodes_first
 
-TALLINEN = Path(__file__).parents[3] / "shared" / "data" / "tallinen"
 SOLIDS = [name for name, form in FORMATS.items() if not form.is_surface]
 SURFACES = [name for name, form in FORMATS.items() if form.is_surface]
 #: formats that cortet reads
@@ -261,20 +259,6 @@ def test_a_tetrahedron_is_written_as_the_manuals_say(tmp_path):
     with pytest.raises(InputError, match="solver_ready"):
         braingrowth.write(cube_mesh(3), tmp_path / "other.mesh")
     assert not (tmp_path / "other.mesh").exists()
-
-
-def test_no_number_for_calculix_is_longer_than_it_reads(tmp_path):
-    mesh = cube_mesh(2, side=np.pi * 1e-5, jitter=0.2)
-    abaqus.write(replace(mesh, points=mesh.points - 1e-6), tmp_path / "m.inp")
-    assert max(map(len, re.findall(r"[-.e\d]+", (tmp_path / "m.inp").read_text()))) <= 20
-
-
-@pytest.mark.parametrize("name", ["sphere5.mesh", "brain_simp_red.mesh"])
-def test_braingrowths_own_meshes_are_read(name):
-    if not (TALLINEN / name).exists():
-        pytest.skip("../shared/data/tallinen is not here")
-    mesh = braingrowth.read(TALLINEN / name)
-    assert signed_volumes(mesh.points, mesh.cells).min() > 0
 
 
 def test_coordinates_of_opencarp_come_back_bit_for_bit_in_mm_and_scaled_in_um(tmp_path):

@@ -241,13 +241,6 @@ def test_a_place_that_cannot_be_is_refused(tmp_path, case):
         read_surface(path)
 
 
-def test_of_two_systems_that_to_the_scanner_is_taken_and_named(tmp_path, caplog):
-    systems = (UNKNOWN, TALAIRACH, TO_TALAIRACH), (UNKNOWN, SCANNER, TO_SCANNER)
-    surface = read_surface(gifti(tmp_path / "x.surf.gii", IN_FREESURFER, *systems))
-    np.testing.assert_allclose(surface.frame.to_scanner, TO_SCANNER, atol=1e-6)
-    assert f"{UNKNOWN} to {SCANNER}" in caplog.text
-
-
 @pytest.mark.parametrize("form", ["7.2 without", "7.4", "to-scanner"])
 def test_an_image_of_nibabel_lies_where_its_file_does(tmp_path, form):
     path = FORMS[form](tmp_path)

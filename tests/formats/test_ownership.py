@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
 import subprocess
 import sys
@@ -68,22 +67,6 @@ def test_on_a_full_disk_no_part_of_a_file_is_left(tmp_path):
             (temporary if opened is atomic_path else temporary / "m.vtu").write_text("half")
             raise OSError(errno.ENOSPC, "no space")
     assert not list(tmp_path.iterdir())
-
-
-def test_the_file_that_was_asked_for_comes_after_those_that_belong_to_it(tmp_path, monkeypatch):
-    moved, replace = [], Path.replace
-    monkeypatch.setattr(Path, "replace", lambda file, to: (moved.append(to.name), replace(file, to)))
-    with atomic_folder(tmp_path / "x.inp") as folder:
-        for name in ("x.inp", "x.inp.json", "x_fields.inp"):
-            (folder / name).touch()
-    assert moved == ["x_fields.inp", "x.inp", "x.inp.json"]
-
-
-def test_json_is_strict(tmp_path):
-    write_json({"mean_q": 0.125}, tmp_path / "x.json")
-    with pytest.raises(ValueError, match="JSON"):
-        write_json({"mean_q": float("nan")}, tmp_path / "x.json")
-    assert json.loads((tmp_path / "x.json").read_text()) == {"mean_q": 0.125}
 
 
 @pytest.mark.parametrize("why", ["read only", "a file is in its place"])

@@ -27,12 +27,11 @@ from cortet.formats.tsv import read_tsv
 from cortet.formats.volumes import Volume, label_names, matrices, read_named, read_volume
 from cortet.formats.volumes import volume_of as volume_from
 from cortet.geometry.icosphere import icosphere
-from cortet.geometry.voxels import in_voxels, labels_inside, means_inside
+from cortet.geometry.voxels import labels_inside, means_inside
 from cortet.geometry.winding import winding_numbers
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, TetMesh, TriSurface
 from cortet.phantoms.head import LABELS, direction
-from cortet.report.slices import cut
 from cortet.solver_files.volumes import backgrounds, with_volumes
 
 RADIUS, SIZE = 10.0, 32
@@ -275,15 +274,6 @@ def test_shares_are_those_of_the_volume_inside():
     assert found.share[0] == found.zero[0] == pytest.approx(1 - 0.75**3, abs=0.02)
 
 
-def test_a_tetrahedron_within_a_voxel_has_its_label():
-    values = np.arange(27, dtype=np.int32).reshape(3, 3, 3)
-    affine = oblique((20.0, 20.0, 20.0))
-    inside = np.array([1, 2, 1]) @ affine[:3, :3].T
-    mesh = replace(TET, points=TET.points + inside)
-    assert labels_inside(mesh.points, mesh.cells, values, affine).label.tolist() == [values[1, 2, 1]]
-    np.testing.assert_allclose(in_voxels(affine, inside[None]), [[1, 2, 1]])
-
-
 def test_0_is_what_lies_outside_where_labels_cover_the_mesh():
     """The boundary of voxels is not a surface: a tetrahedron that is mostly beyond it still belongs to the tissue."""
     points = np.array([[0, 0, 0], [4, 0, 0], [0, 4, 0], [0, 0, 4], [0, 0, -9.0]])
@@ -409,20 +399,6 @@ def test_a_head_becomes_one_mesh(folder, tmp_path, capsys):
     table = read_tsv(tmp_path / "head.volumes.tsv")
     assert table["name"].tolist()[-6:-1] == list(parts)
     assert main(["certify", str(out), "--cell-size", "1.7"]) == 0
-
-
-def test_a_cut_has_the_area_of_the_plane_inside(ball):
-    """A plane through the middle of a ball cuts out a disc; triangles and quadrangles do not overlap."""
-    mesh = cortet.mesh(ball, 2.0, progress=False).mesh
-    for axis in range(3):
-        area, right, up = 0.0, (axis + 1) % 3, (axis + 2) % 3
-        polygons, cells = cut(mesh.points, mesh.cells, axis, 0.3)
-        assert len(cells) == len(polygons)
-        for polygon in polygons:
-            np.testing.assert_allclose(polygon[:, axis], 0.3, atol=1e-9)
-            x, y = polygon[:, right], polygon[:, up]
-            area += abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
-        assert area == pytest.approx(np.pi * (RADIUS**2 - 0.09), rel=0.03)
 
 
 def test_a_sheet_names_volumes_and_a_scan_finds_them(tmp_path, labels):

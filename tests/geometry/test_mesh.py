@@ -108,12 +108,3 @@ def test_numbers_that_are_none_and_nothing_at_all_are_not_measured(bad, tmp_path
         for given in (surface, replace(SURFACE, inner={"white": surface})):
             with pytest.raises(InputError, match=word):
                 certify(MESH, given)
-
-
-def test_surfaces_and_meshes_say_in_a_line_what_they_are():
-    ball = replace(ball_surface(2), point_data={"depth": np.zeros(162)})
-    assert (
-        repr(replace(ball, inner={"white": ball})) == "<TriSurface: 162 vertices, 320 triangles, 'depth', with white>"
-    )
-    tetrahedron = TetMesh(np.vstack([np.zeros(3), np.eye(3)]), np.array([[0, 1, 2, 3]]), {"x": np.zeros(4)})
-    assert repr(tetrahedron) == "<TetMesh: 4 nodes, 1 tetrahedra, 'x'>"

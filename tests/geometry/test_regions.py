@@ -3,38 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from shapes import ball_surface, real_surface
 
 from cortet.config import load
-from cortet.config.fold import Settings
-from cortet.config.stages import Generate, Regions, Transfer
+from cortet.config.stages import Regions, Transfer
 from cortet.errors import InputError
 from cortet.folding.body import body_of, scale_of, with_interface
-from cortet.folding.fold import fold
 from cortet.geometry.closest_point import closest_points, surface_tree, tree_of
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.nesting import depths, joined, nested, parents, region_boundary
-from cortet.geometry.separation import taken_back
 from cortet.geometry.topology import enclosed_volume, interfaces, sheet, surface_topology
 from cortet.measure.certify import certify
-from cortet.measure.fidelity import boundary_roughness
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import REGION, MeshSets, TriSurface, single_precision
-from cortet.optimise.backing_off import back_off
-from cortet.phantoms import inset, phantom
 from cortet.pipeline import Meshed, mesh_surface
-from cortet.report.case_page import Checked, write_case_page
 from cortet.solver_files.sets import named_sets
 from cortet.stages.clean import clean
 from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
 from cortet.stages.separate import separate
-from cortet.stages.smooth_boundary import smooth_boundary
-from cortet.stages.snap import snap
 from cortet.stages.transfer import transfer
 
 H = 2.0
@@ -107,34 +98,6 @@ def test_more_elements_across_make_the_cortex_finer_and_the_core_stays():
     assert found[3][3] == pytest.approx(found[1][3], rel=0.25)
 
 
-def test_a_field_of_one_of_the_surfaces_makes_cells_smaller_on_that_one(pair):
-    white = replace(pair.inner["white"], point_data={"size": np.full(len(pair.inner["white"].points), 1.0)})
-    fine, _ = generate(nested(pair, {"white": white}), Generate(size_field="size"), cell_size=H)
-    even, _ = generate(pair, cell_size=H)
-    counts = [[len(sheet(mesh, number)[0].faces) for number in (0, 1)] for mesh in (even, fine)]
-    assert counts[1][0] == pytest.approx(counts[0][0], rel=0.1) and counts[1][1] > 3 * counts[0][1]
-    assert quality(fine.points, fine.cells).max() < 0.45
-
-
-def test_smoothing_evens_out_the_interface_on_its_surface_as_the_boundary_on_its_own(meshed):
-    mesh, _, surface = meshed
-    shaken = mesh.points.copy()
-    trees = [surface_tree(one.points, one.faces) for one in (replace(surface, inner={}), surface.inner["white"])]
-    for number, tree in enumerate(trees):
-        nodes = sheet(mesh, number)[1]
-        target = shaken[nodes] + np.random.default_rng(number).normal(0, 0.15, (len(nodes), 3))
-        shaken[nodes] = closest_points(tree, target).points
-    rough = replace(mesh, points=back_off(mesh.points, shaken, mesh.cells, q_max=0.6)[0])
-    rough = snap(rough, surface)[0]
-    smooth, report = smooth_boundary(rough, surface)
-    assert report.roughness < report.roughness_before and report.nodes_to_surface_mm.max < 1e-9
-    for number, tree in enumerate(trees):
-        before, after = (sheet(one, number)[0] for one in (rough, smooth))
-        assert boundary_roughness(after.points, after.faces) < 0.9 * boundary_roughness(before.points, before.faces)
-        assert closest_points(tree, after.points).distances.max() < 1e-9
-    assert (signed_volumes(smooth.points, smooth.cells) > 0).all()
-
-
 def test_nested_and_disjoint_regions_are_one_body_each():
     inner = {"white": ball(10.0), "ventricle": ball(4.0, (3, 0, 0)), "deep": ball(3.0, (-5, 0, 0))}
     result = mesh_surface(nested(ball(13.0), inner), load({"generate": {"cell_size": 1.0}}))
@@ -158,19 +121,6 @@ def test_the_inner_surface_gives_way_where_the_two_touch():
     assert moved[inner.points[:, 0] < 5].max() == 0  # nothing moves where there is room
     assert len(self_intersections(joined([surface, surface.inner["white"]]))) == 0
     assert 0 < did.volume_before_ml - did.volume_ml == pytest.approx(did.around_ml - did.around_before_ml)
-
-
-def test_what_was_pushed_into_the_surface_itself_goes_back_and_the_rest_stays():
-    white = ball(10.0)
-    points = white.points + np.array([0.1, 0, 0])
-    top = int(np.argmax(points[:, 2]))
-    points[top] += [0, 2.5, -0.3]  # under its neighbours, and out through those behind them
-    pushed = replace(white, points=points)
-    moved, remaining = taken_back(pushed, white, ball(14.0))
-    assert len(self_intersections(pushed)) > 0 == len(remaining) == len(self_intersections(moved))
-    shift = np.linalg.norm(moved.points - white.points, axis=1)
-    assert shift[top] < 1.3 and (shift < 0.09).any()
-    assert (np.abs(shift[white.points[:, 2] < 5] - 0.1) < 1e-5).all()
 
 
 #: outer and inner surface that do not belong together, and a word of why
@@ -271,18 +221,6 @@ def test_the_outer_region_is_what_grows_in_the_direction_across_it(meshed):
     assert (body_of(with_interface(exported), scale).depth == body.depth).all()
 
 
-def test_a_mesh_of_two_regions_folds(meshed, tmp_path):
-    verdict = fold(meshed.mesh, tmp_path, Settings(gestational_age=22.0, force=True, end=22.2))
-    assert verdict.outcome == "folded" and verdict.thickness_mm > 1
-
-
-def test_an_inner_surface_elsewhere_is_warned_about(meshed, caplog):
-    surface = nested(ball(14.0), {"white": ball(8.0)})
-    with caplog.at_level("WARNING"):
-        _, report = transfer(replace(meshed.mesh, point_data={}), surface)
-    assert "white" in caplog.text and "2.0" in caplog.text and report.nodes_further_than_1mm > 0
-
-
 @pytest.mark.parametrize("interior", ["nearest", "harmonic"])
 def test_fields_of_both_surfaces_are_carried(meshed, interior):
     outer, inner = ball(14.0), ball(10.0)
@@ -307,28 +245,3 @@ def test_fields_of_both_surfaces_are_carried(meshed, interior):
         between = np.setdiff1d(np.flatnonzero((radius > 10) & (radius < 13.9)), [*outside, *within])
         exact = (1 / 10 - 1 / radius[between]) / (1 / 10 - 1 / 14)
         assert np.abs(mesh.point_data["one"][between] - exact).max() < 0.05
-
-
-def test_an_empty_region_is_not_certified(meshed):
-    empty = replace(meshed.mesh, cell_data={REGION: np.ones(len(meshed.mesh.cells), np.int32)})
-    assert any("tetrahedra of region white 0" in reason for reason in certify(empty, meshed.surface).reasons)
-
-
-def test_a_phantom_pair_is_separate_and_stays_as_it_is():
-    pial = phantom(23.0, subdivisions=4)
-    white = inset(pial, 1.5)
-    depth, _, _ = depths(surface_tree(pial.points, pial.faces), pial, white.points)
-    assert depth.min() > 0.5 and np.median(depth) == pytest.approx(1.5, abs=0.1)
-    surface, report = separate(nested(pial, {"white": white}), Regions(min_gap=0.1), cell_size=0.5)
-    assert (surface.inner["white"].points == white.points).all()
-    assert report.surfaces[0].vertices_moved == report.surfaces[0].crossing_faces_before == 0
-    for thickness in (0.0, 1e308, np.nan):
-        with pytest.raises(InputError, match="thickness"):
-            inset(pial, thickness)
-
-
-def test_the_page_shows_regions_and_thin_places(pair, meshed, tmp_path):
-    certificate = asdict(meshed.certificate)
-    write_case_page(Checked(meshed.mesh, pair, meshed.surface, certificate), tmp_path / "a.html")
-    page = (tmp_path / "a.html").read_text(encoding="utf-8")
-    assert "Inner surface white" in page and "Thinnest places of cortex around white" in page

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from cortet.geometry import topology
-from cortet.geometry.mending import defective_vertices
 from cortet.meshes import TetMesh
 
 TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.int32)
@@ -48,13 +47,6 @@ def test_each_defect_is_counted_under_its_own_name(faces, kind, count):
     assert not found.is_closed_manifold and found.problems()
 
 
-def test_the_vertices_at_which_a_surface_is_no_manifold_are_found_and_only_those():
-    pinched = np.concatenate([TETRAHEDRON, np.where(TETRAHEDRON == 0, 0, TETRAHEDRON + 3)]).astype(np.int32)
-    branching = np.concatenate([TETRAHEDRON, [[0, 1, 4]]]).astype(np.int32)
-    for faces, found in ((TETRAHEDRON, []), (TETRAHEDRON[:3], [1, 2, 3]), (pinched, [0]), (branching, [0, 1, 4])):
-        assert defective_vertices(faces).tolist() == found
-
-
 def test_boundary_of_two_glued_tetrahedra_is_outward_and_leaves_the_shared_face_out():
     points = np.vstack([UNIT, [1, 1, 1]])
     mesh = TetMesh(points, [[0, 1, 2, 3], [1, 2, 3, 4]])
@@ -68,17 +60,6 @@ def test_boundary_of_two_glued_tetrahedra_is_outward_and_leaves_the_shared_face_
     assert np.array_equal(topology.boundary_surface(moved)[0].points, 2 * points), "points are not remembered"
     surface, nodes = topology.boundary_surface(mesh)
     assert nodes.tolist() == [0, 1, 2, 3, 4] and topology.surface_topology(surface.faces).is_closed_manifold
-
-
-def test_incidence_edges_and_compact():
-    cells = np.array([[0, 1, 2, 5], [1, 2, 5, 3]], np.int32)
-    around = topology.incidence(cells, 6)
-    assert [around.cells[around.offsets[v] : around.offsets[v + 1]].tolist() for v in range(6)] == [
-        [0], [0, 1], [0, 1], [1], [], [0, 1],
-    ]  # fmt: skip
-    assert len(topology.edges(cells)) == 9
-    points, renumbered, kept = topology.compact(np.arange(18.0).reshape(6, 3), cells)
-    assert kept.tolist() == [0, 1, 2, 3, 5] and renumbered.max() == 4 and len(points) == 5
 
 
 def test_geometry_of_the_unit_tetrahedron():

@@ -29,12 +29,6 @@ def test_the_doctor_proves_every_runtime_dependency():
     assert set(doctor.LIBRARIES) == RUNTIME and set(doctor.PROOFS) < RUNTIME
 
 
-def test_the_doctor_knows_the_extras():
-    extras = PROJECT["project"]["optional-dependencies"]
-    extra = names(extras["baselines"] + extras["slurm"])
-    assert set(doctor.OPTIONAL) == extra and not doctor.missing(dict.fromkeys(extra, ""))
-
-
 def test_windows_is_refused_in_words():
     code = "import sys; sys.platform = 'win32'; import cortet"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

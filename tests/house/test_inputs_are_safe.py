@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import os
 import re
 import shutil
 from collections.abc import Iterable
@@ -254,13 +253,6 @@ def test_a_command_that_was_killed_is_started_again(tmp_path, monkeypatch, last)
     assert run(words, tmp_path, monkeypatch) == 0
 
 
-def test_a_sidecar_that_names_no_meshed_surface_is_of_no_use(meshed, monkeypatch):
-    record = json.loads((meshed / "x.vtu.json").read_text())
-    record["made_from"]["meshed"] = {}
-    (meshed / "x.vtu.json").write_text(json.dumps(record))
-    assert run("certify x.vtu", meshed, monkeypatch) == 1
-
-
 @pytest.mark.parametrize("name", ["config.yaml", "cohort.tsv"])
 def test_a_working_folder_of_others_is_left_alone(given, tmp_path, monkeypatch, name):
     (tmp_path / "work").mkdir()
@@ -271,25 +263,6 @@ def test_a_working_folder_of_others_is_left_alone(given, tmp_path, monkeypatch, 
     if name == "config.yaml":  # once is enough: Snakemake plans
         for _ in range(2):
             assert run(words + "fresh", tmp_path, monkeypatch) == 0
-
-
-@pytest.mark.parametrize(
-    ("words", "suffix"),
-    [
-        ("mesh a.surf.gii --cell-size 5 -o", ".vtu"),
-        ("repair a.surf.gii -o", ".surf.gii"),
-        ("convert x.vtu", ".inp"),
-        ("quadratic x.vtu -o", ".inp"),
-    ],
-)
-def test_names_that_are_too_long_for_companions_are_refused_before_the_work(meshed, monkeypatch, capsys, words, suffix):
-    """The file itself would fit; what is written beside it has a longer name."""
-    before = contents(meshed)
-    room = os.pathconf(meshed, "PC_NAME_MAX") - len(f".{os.getpid()}-12345678.") - len(suffix)
-    assert run(f"{words} {'y' * room}{suffix}", meshed, monkeypatch) == 1
-    said = capsys.readouterr()
-    assert "shorter name" in said.err and "seconds" not in said.out
-    assert contents(meshed) == before
 
 
 @pytest.mark.parametrize("name", ["fold.tsv", "verdict.json", "folding.svg", "frames/frame_0001.vtu"])

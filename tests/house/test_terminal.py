@@ -150,21 +150,6 @@ SAID: dict[str, tuple[list[dict[str, Any]], list[str]]] = {
         ],
         ["1 mesh to make, 3 jobs", "stopped by you after 1 of 3 jobs; the same command goes on from there"],
     ),
-    "answers to options of Snakemake": (
-        [
-            {"message": "Lints for rule x:", "level": logging.WARNING, "path": "/x/snakemake/linting/__init__.py"},
-            info("Unlocked working directory."),
-        ],
-        ["Lints for rule x:", "Unlocked working directory."],
-    ),
-    "other errors": (
-        [info("Building DAG of jobs..."), error("no wildcards", event=LogEvent.ERROR, exception="X")],
-        ["no wildcards"],
-    ),
-    "another error after a failure": (
-        [planned(solver_ready=1, total=3), began(), failed(), error("no memory", event=LogEvent.ERROR, exception="X")],
-        ["1 mesh to make, 3 jobs", *FAILED, "no memory"],
-    ),
     "nothing to do": (
         [info("Building DAG of jobs..."), STARTED, info("Nothing to be done (all requested files are present).")],
         ["nothing to do: everything is up to date"],
@@ -203,13 +188,6 @@ def test_a_dry_run_names_what_would_be_done_to_each_case(capsys):
         emit(to, **record)
     lines = ["2 meshes to make, 5 jobs", "  a: export (2)", "  b: repair", "  over all cases: all"]
     assert capsys.readouterr().out.splitlines() == lines
-
-
-def test_a_record_that_cannot_be_read_does_not_end_the_run(capsys):
-    to = handler()
-    emit(to, **{**began("solver_ready"), "output": ["nosuch.json"]})
-    emit(to, event=LogEvent.JOB_FINISHED, job_id=1)
-    assert "nosuch.json" in capsys.readouterr().err
 
 
 # --- the plugin

@@ -158,20 +158,3 @@ def test_participants_then_the_group_with_the_conventional_words(installed, data
     states = [line.split("\t") for line in (out / "cohort/cohort_status.tsv").read_text().splitlines()]
     assert [row[column] for row in states[1:] if "ses-a" in row[0]] == ["failed"], "participant after group"
     assert "as GIfTI" in (out / "cohort/index.html").read_text()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (
-            ["bids", "out", "participant", "--participant-label", "07"],
-            "no surfaces of participant 07 (the dataset has",
-        ),
-        (["bids", "out", "participant", "--participant-label", "02", "--session-label", "a"], "no surface is selected"),
-        (["nowhere", "out", "participant"], "nowhere"),
-    ],
-)
-def test_what_is_not_there_is_said_before_anything_is_made(installed, dataset, tmp_path, arguments, words):
-    result = run(installed, *arguments, cwd=tmp_path)
-    assert result.returncode == 1 and words in result.stderr and len(result.stderr.splitlines()) == 1
-    assert not (tmp_path / "out").exists()

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from cortet.cli import app, commands, main
+from cortet.cli import app, main
 from tests.integration.documented import PAGES, ROOT, blocks, coarse, like, make_checkout
 from tests.integration.study import Study
 
@@ -45,12 +45,6 @@ def test_the_site_loads_nothing_from_elsewhere(site):
     assert not [page.name for page in pages if loads.search(page.read_text(encoding="utf-8"))]
     sheets = [path for path in site.rglob("*.css") if re.search(r"(url\(|@import)[^;]*//", path.read_text())]
     assert not sheets
-
-
-def test_every_picture_has_words_instead(site):
-    for page in site.rglob("*.html"):
-        for image in re.findall(r"<img[^>]*>", page.read_text(encoding="utf-8")):
-            assert re.search(r'alt="[^"]', image), (page.name, image)
 
 
 @pytest.fixture(scope="module")
@@ -81,27 +75,6 @@ def test_what_a_page_shows_is_what_happens(block, checkout):
         assert not missing, f"`{command}` does not print {missing}, but\n{output}"
 
 
-def test_the_numbers_of_the_start_and_of_the_design_are_those_of_their_mesh(tmp_path):
-    found = [block for block in BLOCKS if block.page.name == "start.md" and block.language == "console"]
-    for command, shown in [command for block in found for command in block.commands]:
-        printed = [_without_seconds(line) for line in run(command, tmp_path).splitlines()]
-        assert [line for line in shown if _without_seconds(line) not in printed] == []
-    made = {line.split()[0]: line.split()[-3:] for line in shown if len(line.split()) == 7 and line[0] != " "}
-    rows = re.findall(
-        r"^\| `default` \| (\S+) \| (\S+) \| (\S+) \| (\S+) \|", (ROOT / "docs/notes/design.md").read_text(), re.M
-    )
-    assert len(rows) == 3
-    for label, *numbers in rows:
-        name = {"S1": "generate", "S4": "clean", "S4+": "reconnect"}[label]
-        mean, worst, bad = map(float, made[name])
-        assert numbers == [f"{mean:.3f}", f"{worst:.3f}", f"{bad:.0f}"], label
-
-
-def _without_seconds(line: str) -> str:
-    """A row of the table of stages without its second column."""
-    return re.sub(r"^(\w+) +[\d.]+ ", r"\1 ", line).rstrip()
-
-
 def run(command: str, folder: Path) -> str:
     """Output of a command that must end well; those of cortet run in this process, which has its libraries loaded."""
     command, *_ = re.split(r"\s+#\s", command)
@@ -118,23 +91,3 @@ def run(command: str, folder: Path) -> str:
     )
     assert done.returncode == 0, f"{command}: exit code {done.returncode}\n{done.stdout}{done.stderr}"
     return done.stdout
-
-
-def options() -> dict[str, set[str]]:
-    """Command -> its options, those that are commands themselves, too."""
-    found = {"cortet": set(app())}
-    for words, command in commands():
-        own = {name for one in command.assemble_argument_collection() for name in one.names}
-        found |= {words: own | set(command), words.rpartition(" ")[0]: found.get(words.rpartition(" ")[0], set())}
-    return found
-
-
-@pytest.mark.parametrize("page", [pytest.param(page, id=str(page.relative_to(ROOT))) for page in PAGES])
-def test_commands_within_a_sentence_exist(page):
-    known = options()
-    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
-    for command in re.findall(r"`(cortet [a-z][^`]*|cortet --[^`]*)`", text):
-        name = max((name for name in known if f"{command} ".startswith(f"{name} ")), key=len)
-        words = command.removeprefix(name).split()
-        assert name != "cortet" or command.startswith("cortet --"), f"no command of that name: {command}"
-        assert set(re.findall(r"(?<!\w)--?[a-z][a-z-]*", " ".join(words))) <= known[name], command

@@ -78,11 +78,6 @@ def test_cases_with_spheres_share_triangles_and_the_others_stay_as_they_are(sphe
     assert ("cohort_page", "-") in again
 
 
-def test_the_stage_can_be_left_out(spheres):
-    spheres.config["resample"] = {"enabled": False}
-    assert not {rule for rule, _ in spheres.planned_jobs()} & {"resample", "resample_inner"}
-
-
 def test_a_phantom_comes_with_its_sphere(tmp_path):
     study = Study(tmp_path)
     study.config |= {"phantom": {"subdivisions": 4}, "resample": {"subdivisions": 3}}

@@ -9,9 +9,8 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 from cubes import cube_mesh
-from pydantic import ValidationError
 from shapes import horseshoe
-from wrong_meshes import sound, touching, with_listed_twice, with_slit
+from wrong_meshes import touching
 
 from cortet.config.sections import Certify
 from cortet.errors import InputError
@@ -103,22 +102,12 @@ def test_a_tunnel_through_good_elements_is_refused(mesh, surface):
     assert failed(certify(with_tunnel(mesh), surface, ANY_SIZE)) == {"boundary_euler_number"}
 
 
-def test_the_volume_balance_is_relative_to_the_larger_volume(mesh, surface):
-    checks = certify(with_listed_twice(mesh), surface, ANY_SIZE).checks
-    balance = {check.id: check.value for check in checks}["volume_balance"]
-    assert balance == pytest.approx(1 / (len(mesh.cells) + 1))
-
-
-@pytest.mark.parametrize(
-    ("shift", "check"),
-    [((8, 8, 0), "nonmanifold_edges"), ((8, 8, 8), "pinched_vertices"), ((20, 0, 0), "boundary_components")],
-)
-def test_two_cubes_are_refused_with_the_place_where_they_touch(mesh, surface, shift, check):
-    certificate = certify(touching(mesh, *shift), surface, ANY_SIZE)
-    assert check in failed(certificate)
-    if check != "boundary_components":
-        assert (8.0, 8.0) in {place[:2] for place in certificate.defects_mm}
-        assert "(8.00, 8.00, " in " ".join(certificate.reasons)
+def test_two_cubes_are_refused_with_the_place_where_they_touch(mesh, surface):
+    certificate = certify(touching(mesh, 8, 8, 0), surface, ANY_SIZE)
+    assert "nonmanifold_edges" in failed(certificate)
+    assert (8.0, 8.0) in {place[:2] for place in certificate.defects_mm}
+    assert "(8.00, 8.00, " in " ".join(certificate.reasons)
+    assert "boundary_components" in failed(certify(touching(mesh, 20, 0, 0), surface, ANY_SIZE))
 
 
 def test_a_boundary_that_passes_through_itself_is_refused_with_the_place(surface):
@@ -181,20 +170,6 @@ def test_the_record_is_plain_json_and_the_same_every_time(mesh, surface, tmp_pat
     assert {"cortet", "python", "numpy", "numba", "gmsh"} <= set(record["versions"])
 
 
-SLIT = sound(4)
-
-
-@pytest.mark.parametrize("width", [2e-4, 1e-2])
-def test_a_slit_one_element_deep_is_refused_though_all_nodes_are_on_the_surface(width):
-    certificate = certify(with_slit(SLIT.mesh, width), SLIT.surface)
-    assert failed(certificate) == {"bank_gap"}
-    assert certificate.fidelity.nodes_to_surface_mm.max < 1e-9
-    assert certificate.banks.gap_mm == pytest.approx(width / 3, rel=1e-3)
-    assert certificate.banks.surface_gap_mm == pytest.approx(certificate.banks.widest_mm)
-    assert "at (6.0" in certificate.reasons[0] and "must be at least 0.03" in certificate.reasons[0]
-    assert certify(with_slit(SLIT.mesh, width), SLIT.surface, Certify(min_bank_gap=None)).certified
-
-
 def test_a_gap_that_the_surface_has_is_no_slit():
     """The ends of a horseshoe face each other, nearer than an edge: the surface has that gap, too."""
     narrow = horseshoe(0.3)
@@ -249,13 +224,6 @@ def test_a_broken_native_surface_is_no_obstacle(mesh, surface):
     assert native is not None and native.native_to_boundary_mm.max < 1e-9 < native.boundary_to_native_mm.max
     nothing = TriSurface(np.full((3, 3), np.nan), np.array([[0, 1, 2]], np.int32))
     assert certify(mesh, surface, native=nothing).native is None
-
-
-@pytest.mark.parametrize("limit", [np.inf, np.nan, 0.0, -1.0])
-def test_a_limit_that_is_none_is_an_error_that_names_it(limit):
-    for name in ("q_max", "max_face_distance", "max_boundary_distance"):
-        with pytest.raises(ValidationError, match=name):
-            Certify(**{name: limit})
 
 
 @pytest.mark.parametrize("size", [1e308, 0.0, np.nan])

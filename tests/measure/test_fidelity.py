@@ -8,7 +8,7 @@ from cubes import cube_mesh
 from shapes import ball_surface
 
 from cortet.geometry.topology import boundary_surface
-from cortet.measure.fidelity import boundary_roughness, fidelity, high_frequency_roughness, summary
+from cortet.measure.fidelity import boundary_roughness, fidelity, high_frequency_roughness
 from cortet.meshes import TetMesh, TriSurface
 
 
@@ -51,11 +51,6 @@ def test_face_centres_show_what_a_coarse_boundary_cuts_off():
     assert found.relative_volume_change < -0.8
     # a corner of a regular tetrahedron is 4/3 of the circumradius above the mean of the other three
     assert found.roughness == pytest.approx(4 / 3 * np.sqrt(3) / np.sqrt(8))
-
-
-def test_the_summary_is_mean_percentile_and_maximum():
-    found = summary(np.arange(101.0))
-    assert (found.mean, found.p95, found.max) == (50.0, 95.0, 100.0)
 
 
 @pytest.mark.parametrize("measure", [boundary_roughness, high_frequency_roughness])

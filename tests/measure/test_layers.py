@@ -14,7 +14,6 @@ from shapes import ball_surface, shell_mesh
 from cortet.errors import InputError
 from cortet.formats import abaqus, vtu
 from cortet.geometry.nesting import nested
-from cortet.measure import layers
 from cortet.measure.layers import (
     COLUMN,
     DEPTH,
@@ -73,13 +72,6 @@ def test_depth_is_0_outside_and_1_inside_and_fields_are_finite_everywhere():
     assert set(np.unique(found.number[mesh.cell_data[REGION] == 2])) == {0}
 
 
-def test_a_cortex_thinner_than_half_an_edge_has_no_layers():
-    mesh = shell_mesh(OUTER, WHITE, 6)
-    thin = replace(mesh, cell_data={REGION: np.where(np.arange(len(mesh.cells)) < 5 * len(mesh.cells) // 6, 2, 1)})
-    (record,) = [one for one in layer_records(thin, ["white"], [1, 1]) if one.tetrahedra]
-    assert record.number == 0 and record.tetrahedra == len(mesh.cells) // 6
-
-
 def test_a_cortex_with_fewer_elements_across_than_layers_is_remarked_on():
     region = RegionRecord("cortex", 1, 1000, 1.0, 0.0, 0.1, 0.3, Across(1, 2.0, 2.0))
     four = [LayerRecord(number, (0.0, 1.0), 100, 1.0, 0.5) for number in (1, 2, 3, 4)]
@@ -126,17 +118,6 @@ def test_layers_replace_no_field_or_set_of_the_user():
         named_sets(of_nodes, inner=["white"], layers=[1, 1])
     with pytest.raises(InputError, match="set layer_1"):
         named_sets(labelled, inner=["white"], layers=[1, 1], tissues=["layer"])
-
-
-def test_columns_are_followed_once_for_a_mesh_and_its_copies_with_other_fields(monkeypatch):
-    mesh, other, followed = head(), head(), []
-    follow = layers.columns
-    monkeypatch.setattr(layers, "columns", lambda *of: followed.append(1) or follow(*of))
-    for one in (mesh, replace(mesh, point_data={"x": mesh.points[:, 0]}), named_sets(mesh, inner=["white"])):
-        layer_records(one, ["white"], [1, 1])
-    assert len(followed) == 1
-    layer_records(other, ["white"], [1, 1])
-    assert len(followed) == 2
 
 
 def test_sets_and_fields_of_layers_are_read_by_other_programs(tmp_path: Path):

@@ -91,12 +91,7 @@ def test_summary_of_two_tetrahedra():
     found = quality.summarise(mesh)
     assert (found.nodes, found.tets, sum(found.histogram)) == (8, 2, 2)
     assert found.q.max == pytest.approx(0.0705, abs=5e-5)
-    assert found.count_above == {
-        "0.3": 0,
-        "0.4": 0,
-        "0.5": 0,
-        "0.6": 0,
-    }
+    assert found.count_above == dict.fromkeys(("0.3", "0.4", "0.5", "0.6"), 0)
     assert (found.shortest_edge_mm, found.longest_edge_mm) == pytest.approx((3**0.5, 8**0.5))
 
 

@@ -6,7 +6,7 @@ import importlib.util
 
 import numpy as np
 import pytest
-from shapes import ball_surface, real_surface
+from shapes import ball_surface
 
 from cortet.errors import StageError
 from cortet.geometry.topology import boundary_faces, enclosed_volume
@@ -84,10 +84,3 @@ def test_a_mesh_that_overlaps_itself_is_refused(monkeypatch):
     monkeypatch.setattr(baselines, "tetrahedra", lambda *_, **__: (points, cells))
     with pytest.raises(StageError, match="netgen.* overlap.* 1 faces"):
         generate(ball_surface(1), mesher="netgen", cell_size=1.0)
-
-
-def test_on_a_real_surface_tetgen_is_as_bad_as_published():
-    mesh, report = generate(real_surface("fetal/fetomorph_GW25_left"), mesher="tetgen", cell_size=1.0)
-    q = quality(mesh.points, mesh.cells)
-    assert q.max() > 0.95 and 0.2 < q.mean() < 0.3
-    assert report.topology_ok

@@ -7,7 +7,7 @@ from scipy.spatial import KDTree
 from shapes import ball_surface, real_surface
 
 from cortet.config.stages import Generate
-from cortet.geometry.closest_point import closer_than, closest_points, surface_tree
+from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.orientation import random_rotation
 from cortet.geometry.topology import boundary_faces, enclosed_volume, surface_topology
 from cortet.measure.quality import oriented, signed_volumes
@@ -25,33 +25,6 @@ def box(size: float) -> TriSurface:
 
 def nodes_in(surface: TriSurface, cell_size: float = 1.0) -> np.ndarray:
     return lattice_nodes(surface, cell_size=cell_size, core_ratio=1.0, core_depth=1.0)
-
-
-def test_nodes_are_a_body_centred_cubic_lattice():
-    nodes = nodes_in(ball_surface(3, radius=6.0))
-    apart = np.linalg.norm(nodes[:, None] - nodes, axis=2)
-    np.fill_diagonal(apart, np.inf)
-    inner = np.linalg.norm(nodes, axis=1) < 3
-    nearest = np.sort(apart[inner], axis=1)[:, :15] / lattice.CONSTANT
-    assert (
-        np.allclose(nearest[:, :8], np.sqrt(3) / 2)
-        and np.allclose(nearest[:, 8:14], 1)
-        and (nearest[:, 14] > 1.4).all()
-    )
-
-
-def test_there_are_two_nodes_per_cube_of_the_lattice_and_none_outside_or_near_the_boundary():
-    ball = ball_surface(4, radius=10.0)
-    nodes = nodes_in(ball, cell_size=0.8)
-    tree = surface_tree(ball.points, ball.faces)
-    assert np.linalg.norm(nodes, axis=1).max() < 10
-    assert closest_points(tree, nodes).distances.min() >= lattice.GAP * 0.8
-    everywhere = np.random.default_rng(0).uniform(-12, 12, (500, 3))
-    for distance in (0.1, 2.0):
-        near = closest_points(tree, everywhere).distances < distance
-        assert np.array_equal(closer_than(tree, everywhere, distance), near)
-    volume = 4 / 3 * np.pi * (10 - lattice.GAP * 0.8) ** 3
-    assert len(nodes) == pytest.approx(2 * volume / (lattice.CONSTANT * 0.8) ** 3, rel=0.01)
 
 
 def test_lines_through_edges_and_corners_cross_the_boundary_once(monkeypatch):

@@ -1,8 +1,5 @@
 """Remeshing leaves no part of a surface behind: narrow sulci stay open and thin blades stay."""
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 import pytest
 import trimesh
@@ -11,10 +8,8 @@ from shapes import ball_surface, bowl, can, horseshoe, real_surface
 from cortet.errors import StageError
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.intersection import self_intersections
-from cortet.geometry.thickness import thickness
-from cortet.geometry.topology import edges, enclosed_volume, face_areas, surface_topology, vertex_normals
+from cortet.geometry.topology import edges, enclosed_volume, face_areas, surface_topology
 from cortet.meshers import _remesh
-from cortet.meshers import _triangles as triangles
 from cortet.meshers._nested import remesh_apart, wanted
 from cortet.meshers._remesh import Remeshed, remesh, unsound
 from cortet.meshes import FloatArray, TriSurface
@@ -68,13 +63,6 @@ def test_remeshing_that_needs_far_too_many_points_is_given_up(monkeypatch):
         remeshed(can(200), 4.0)
 
 
-def test_distances_attached_are_no_less_than_those_measured():
-    ball = ball_surface(4, radius=5.0)
-    made = remeshed(ball, 1.5)
-    exact = closest_points(surface_tree(made.surface.points, made.surface.faces), made.samples).distances
-    assert (made.distances >= exact - 1e-12).all() and made.distances.max() <= 0.4 + 1e-12
-
-
 def test_edges_are_no_longer_than_asked_for_at_each_vertex():
     ball = ball_surface(4)
     longest = np.where(ball.points[:, 2] > 4, 0.6, np.inf)
@@ -89,41 +77,16 @@ def test_edges_are_no_longer_than_asked_for_at_each_vertex():
     )
 
 
-def test_thickness_of_a_ball_is_its_diameter_and_outside_there_is_no_limit():
-    ball = ball_surface(4, radius=3.0)
-    tree, normals = surface_tree(ball.points, ball.faces), vertex_normals(ball.points, ball.faces)
-    inside = thickness(tree, ball.points, normals, 20.0, inside=True)
-    assert inside == pytest.approx(6.0, rel=0.02)
-    assert (thickness(tree, ball.points, normals, 20.0, inside=False) == 20.0).all()
-
-
-def test_a_coarse_surface_and_one_without_end_of_splinters_are_split(monkeypatch):
-    """In the usual order; and by their longest edges where that would make ever more splinters, as of a prism."""
-    orders: list[bool] = []
-    scanned = done = 0
-
-    def split_long(*given: Any) -> int:
-        nonlocal scanned, done
-        before, changed = given[0].used[1], given[-1]
-        orders.append(given[4])
-        scanned += triangles.BLOCK * np.count_nonzero(changed[: before // triangles.BLOCK + 1])
-        found = triangles.split_long(*given)
-        done += (given[0].used[1] - before) // 2
-        return found
-
-    monkeypatch.setattr(_remesh, "triangles", SimpleNamespace(**{**vars(triangles), "split_long": split_long}))
+def test_a_coarse_surface_is_split():
     ball = ball_surface(2, radius=10.0)
     made = remeshed(ball, 0.8).surface
     assert edge_lengths(made).max() < 1.5 and left_behind(ball, made) < 0.01 * 10
-    assert orders and not any(orders)
-    orders.clear()
-    made = remeshed(can(6), 1.0).surface
-    assert orders.index(True) > 0  # after some rounds in the usual order
+
+
+@pytest.mark.parametrize(("surface", "edge_length"), [(can(6), 1.0), (can(500, hub=24.97), 4.0)])
+def test_a_surface_of_splinters_without_end_is_split_all_the_same(surface, edge_length):
+    made = remeshed(surface, edge_length).surface
     assert not len(unsound(made)) and surface_topology(made.faces).problems() == []
-    scanned = done = 0
-    made = remeshed(can(500, hub=24.97), 4.0).surface  # hundreds of scans, each of a few splits
-    assert not len(unsound(made)) and surface_topology(made.faces).problems() == []
-    assert done > 400_000 and scanned < 20 * done, "the work grows with the number of splits"
 
 
 SLIT, BLADE = horseshoe(gap=0.3), bowl(thickness=0.5)

@@ -1,20 +1,17 @@
 """Banks of a narrow sulcus must not pass through each other while a mesh is optimised."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 from shapes import horseshoe
 
-from cortet.config.stages import Generate, Snap
+from cortet.config.stages import Generate
 from cortet.geometry import topology
 from cortet.geometry.banks import banks as smallest
 from cortet.geometry.limits import LEAST_BANK_GAP
 from cortet.meshes import IntArray, TetMesh, TriSurface
-from cortet.optimise.crossing import Flaws, crossing_faces, flaws_since, without_crossing
-from cortet.stages import smooth_boundary as smoothing_stage
-from cortet.stages import snap as snap_stage
+from cortet.optimise.crossing import crossing_faces, flaws_since, without_crossing
 from cortet.stages.clean import clean
 from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
@@ -98,12 +95,6 @@ def test_banks_that_almost_close_their_gap_are_held_though_nothing_crosses(mesh,
     assert not flaws_since(closed, surface, 1.2)(closed).met.size  # what is there from the beginning does not count
 
 
-def test_one_vertex_of_a_place_that_is_left_behind_is_held_at_a_time():
-    flaws = Flaws(np.zeros((0, 3), np.int32), np.array([[5, 3, 9], [3, 5, 7]], np.int32))
-    assert flaws and flaws.to_hold(np.zeros(0, np.int32)).tolist() == [3, 5]
-    assert flaws.to_hold(np.array([3, 5], np.int32)).tolist() == [7, 9]
-
-
 def test_a_crest_that_vertices_slide_away_from_is_held_by_the_vertex_that_covered_it(mesh):
     """The top of the ring sinks by half a cell: the vertex nearest to it is told."""
     surface = topology.boundary_surface(mesh)[0]
@@ -115,22 +106,3 @@ def test_a_crest_that_vertices_slide_away_from_is_held_by_the_vertex_that_covere
     found = flaws(replace(mesh, points=points))
     assert not len(found.met) and found.to_hold(np.zeros(0, np.int32)).tolist() == [top]
     assert not flaws_since(mesh, surface, cell_size=5.0)(replace(mesh, points=points))
-
-
-@pytest.mark.parametrize("stage", [snap_stage, smoothing_stage])
-def test_cleaning_in_between_leaves_what_a_stage_holds(stage, mesh, surface, monkeypatch):
-    """A retry that let its cleaning move what crossed would be futile."""
-    held_by_stage, held_in_clean = np.array([1, 5, 8], np.int32), []
-
-    def remember(start: TetMesh, *_: Any, held: IntArray) -> tuple[TetMesh, None]:
-        held_in_clean.append(held)
-        return start, None
-
-    monkeypatch.setattr(stage, "without_crossing", lambda start, do: (*do(start, held_by_stage), held_by_stage))
-    monkeypatch.setattr(stage, "clean", remember)
-    swollen = replace(mesh, points=mesh.points * 1.02)
-    if stage is snap_stage:
-        stage.snap(swollen, surface, Snap(q_max=0.05))
-    else:
-        stage.smooth_boundary(swollen, surface)
-    assert held_in_clean and all(held is held_by_stage for held in held_in_clean)

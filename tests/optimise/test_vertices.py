@@ -116,16 +116,3 @@ def test_the_same_bits_for_any_number_of_threads(boundary):
         numba.set_num_threads(threads)
         results.append(move_vertices(mesh, tree, PASSES, boundary=boundary)[0].points)
     assert np.array_equal(*results) and not np.array_equal(results[0], mesh.points)
-
-
-def test_runs_of_one_colour_share_no_tetrahedron():
-    mesh = cube_mesh(16)
-    colours = vertices._colours(
-        vertices._patches(mesh, np.full(len(mesh.points), vertices.FREE, np.int8), topology.boundary_faces(mesh))
-    )
-    runs = np.concatenate(colours)
-    assert np.array_equal(np.sort(runs), np.arange(-(-len(mesh.points) // vertices._RUN)))
-    assert 1 < len(colours) < len(runs)
-    for same in colours:
-        for cell in mesh.cells // vertices._RUN:
-            assert len(set(cell) & set(same)) < 2

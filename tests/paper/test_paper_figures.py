@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,10 +10,7 @@ from matplotlib.figure import Figure
 from shapes import ball_mesh
 
 from cortet.formats import vtu
-from cortet.meshes import TetMesh
-from cortet.paper.pooled_quality import Pooled, pooled_quality_figure
 from cortet.paper.series import Brain, draw_series, series_figure
-from cortet.report.render import lateral_view
 
 BALL = ball_mesh(radius=10.0)
 
@@ -51,22 +47,6 @@ def test_one_scale_for_all_ages_and_the_cut_in_colour(monkeypatch):
     assert [axis.get_ylabel() for axis in both.axes[:4:2]] == ["left", "right"]
 
 
-@pytest.mark.parametrize(("side", "ahead"), [("L", -1), ("R", 1)])
-def test_a_hemisphere_is_seen_from_its_own_side(side, ahead):
-    nose = TetMesh(BALL.points * np.where(BALL.points[:, 1:2] > 0, [1, 2, 1], 1), BALL.cells)  # longer to the front
-    image = lateral_view(nose, side=side, cut=False, half_width=25.0, half_height=25.0, width=200)
-    columns = (image < 250).any(axis=2).sum(axis=0)
-    tall = np.flatnonzero(columns > 0.95 * columns.max()).mean()
-    assert np.sign(np.flatnonzero(columns).mean() - tall) == ahead
-
-
-def test_a_hemisphere_shows_its_lateral_side():
-    right = replace(BALL, points=BALL.points + np.array([12.0, 0, 0]))
-    brains = [{"R": right}, {"L": right}, {"n/a": right}, {"n/a": BALL}]
-    figure = series_figure([Brain(22.0, meshes) for meshes in brains])
-    assert [axis.texts[0].get_ha() for axis in figure.axes[:4]] == ["right", "left", "right", "left"]
-
-
 def test_it_is_drawn_from_files_and_marks_a_brain_that_is_not_certified(tmp_path):
     vtu.write(BALL, tmp_path / "a.vtu")
     for verdict in (True, False):
@@ -82,30 +62,3 @@ def test_it_is_drawn_from_files_and_marks_a_brain_that_is_not_certified(tmp_path
     assert all(text in "".join(lines) for text in ("22 weeks", "sub-a", " = 2 mm"))
     figure = series_figure([Brain(22.0, {"L": BALL}, "sub-a"), Brain(30.0, {"L": BALL}, "sub-b", certified=False)])
     assert [axis.get_title().count("\n") for axis in figure.axes[:2]] == [2, 2], "names stand at one height"
-
-
-def test_pooled_quality_has_a_row_per_setting_before_the_published_distributions():
-    counts = np.zeros(200, np.int32)
-    counts[[20, 100]] = 99, 1
-    figure = pooled_quality_figure(
-        [
-            Pooled("default", 1, {"S1-S2": counts, "S1-S4": counts}, target=0.3),
-            Pooled("published", 3, {"S1-S2": counts, "S1-S3": counts}),
-        ],
-        cell_size=1.0,
-        limit=0.6,
-    )
-    (bulk, tail), (_, second) = np.reshape(figure.axes, (2, 2))
-    assert bulk.get_title(loc="left") == "setting default, $h$ = 1 mm: 1 mesh, 100 elements"
-    assert len(bulk.patches) == 5 and len(tail.lines) == 7 and len(second.lines) == 6
-    assert bulk.patches[3].get_data().values[20] == 99  # %
-    q, above = tail.lines[3].get_data()
-    assert above[np.isclose(q, 0.3)] == 1e4 and q.max() == 0.5  # one in a hundred is above 0.3, none above 0.505
-    assert [line.get_xdata()[0] for line in tail.lines[-2:]] == [0.6, 0.3]
-    theirs = [line.get_xdata().max() for line in tail.lines[:3]]
-    assert theirs == pytest.approx([0.82, 0.80, 0.56], abs=0.006), "where the paper says that its tails end"
-    (legend,) = figure.legends
-    assert {"generated", "cleaned", "relocated"} < {text.get_text() for text in legend.get_texts()}
-    figure.draw_without_rendering()
-    lefts = [round(text.get_window_extent().x0) for text in legend.get_texts()]
-    assert len(set(lefts[:3])) == 1 and lefts[3] > lefts[0]  # published ones are the first column

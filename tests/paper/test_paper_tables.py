@@ -24,7 +24,7 @@ from cortet.paper.mesh_tables import (
     not_certified,
     resolution_table,
 )
-from cortet.report.records import Origin, by_origin
+from cortet.report.records import Origin
 from cortet.report.table_files import Table, write
 
 AGES = {"sub-a": 28.0, "sub-b": 22.0}
@@ -62,13 +62,6 @@ def printed(table: Table, name: str, row: dict[str, Any]) -> str:
     return column.text(row)
 
 
-def test_a_record_says_whose_it_is(tmp_path):
-    origins = [at("a", "Cleaned", "published"), at("a", "Generated", None, size=1.0)]
-    for number, origin in enumerate(origins):
-        (tmp_path / f"{number}.json").write_text(json.dumps({"origin": asdict(origin), **record()}))
-    assert list(by_origin([tmp_path / "0.json", tmp_path / "1.json"])) == origins
-
-
 # --- Table 1: the ablation -------------------------------------------------------------------------------------------
 
 
@@ -98,14 +91,6 @@ def test_stages_are_summarised_over_the_meshes_in_their_order():
     assert (first["meshes"], first["failed"], first["tets_total"]) == (2, 0, 96)
 
 
-def test_a_mean_that_cleaning_raises_is_explained():
-    means = {("Generated", None): 0.24, ("Cleaned", "default"): 0.34, ("Reconnected", "default"): 0.20}
-    means |= {("Relocated", "published"): 0.23, ("Cleaned", "published"): 0.232}
-    records = {at("a", *key, "tetgen"): record(mean=mean, max=0.9) for key, mean in means.items()}
-    told = {(row["stages"], row["setting"]): row["remarks"] for row in ours(records, {}, {}, {})}
-    assert [key for key, remark in told.items() if "mean q rises" in remark] == [("S1-S4", "default")]
-
-
 def test_what_failed_is_told_with_its_reason():
     reports = {at("a", "Generated", None, "netgen"): {"failure": "netgen crashed (SIGSEGV)"}}
     missing = {at("b", "Cleaned"): "relocate: Gmsh failed", at("c", "Cleaned"): "clean: too bad"}
@@ -114,24 +99,6 @@ def test_what_failed_is_told_with_its_reason():
     assert cleaned["remarks"] == "sub-b: relocate: Gmsh failed; sub-c: clean: too bad"
     assert (crashed["configuration"], crashed["meshes"], crashed["failed"]) == ("Netgen only", 0, 1)
     assert crashed["remarks"] == "sub-a: netgen crashed (SIGSEGV)" and crashed["q_max_median"] is None
-
-
-def test_a_reason_that_many_cases_share_is_printed_with_three_of_them():
-    (row,) = ours({}, {}, {at(case, "Cleaned"): "clean: sub-optimal, too bad" for case in "abcdefg"}, {})
-    assert row["remarks"].startswith("sub-a, sub-b, sub-c, sub-d, sub-e, sub-f, sub-g: clean")
-    assert printed(ABLATION, "remarks", row) == "sub-a, sub-b, sub-c and 4 more: clean: sub-optimal, too bad"
-
-
-def test_meshes_of_the_fallback_and_of_wrong_topology_are_counted():
-    records = {at(case, "Cleaned"): record(max=0.4) for case in "abc"}
-    reports = {
-        at("a", "Generated", None): {"backend": "pygalmesh", "topology_ok": True},
-        at("b", "Generated", None): {"backend": "tetgen", "topology_ok": True},
-        at("c", "Generated", None): {"backend": "pygalmesh", "topology_ok": False},
-    }
-    (row,) = ours(records, reports, {}, {})
-    assert (row["fallback"], row["wrong_topology"]) == (1, 1)
-    assert printed(ABLATION, "remarks", row) == "1 by S1's fallback"
 
 
 def test_reference_meshes_and_the_published_table_stand_below():
@@ -173,15 +140,6 @@ def test_measures_are_the_largest_of_each_record_and_the_published_range():
     assert mine["one_minus_mean_ratio_max"] == content["one_minus_mean_ratio"]["max"]
     assert mine["q_max"] == content["q"]["max"]
     assert theirs["one_minus_radius_ratio_range"] == "0.422-0.497"
-
-
-@OF_MESHES
-@pytest.mark.parametrize("age", [22.0, None])
-def test_an_unknown_age_comes_last(table, table_of, age):
-    ages = {"sub-a": None, "sub-b": age}
-    rows = rows_of(table_of({at("a"): record(), at("b"): record()}, {}, ages))
-    assert [row["case"] for row in rows[:2]] == (["sub-b", "sub-a"] if age else ["sub-a", "sub-b"])
-    assert {row["case"]: row["scan_age"] for row in rows[:2]} == ages
 
 
 @OF_MESHES

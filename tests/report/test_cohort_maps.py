@@ -33,14 +33,6 @@ def test_a_case_has_its_fields_thickness_and_distance_at_the_vertices_of_the_com
     assert 1.0 < found.point_data[DISTANCE].mean() < 1.3
 
 
-def test_other_triangles_are_looked_up_at_the_nearest_point():
-    finer = ball_surface(4, radius=20.0)
-    finer = replace(finer, point_data={"height": finer.points[:, 2]})
-    found = case_map(ball_surface(3, radius=20.5), finer, ball_mesh(2, radius=20.0))
-    assert len(found.points) == 642 and np.linalg.norm(found.points, axis=1) == pytest.approx(20.0, abs=0.05)
-    assert found.point_data["height"] == pytest.approx(found.points[:, 2], abs=1e-6)
-
-
 def test_means_are_of_the_cases_that_have_a_field_and_labels_are_the_most_frequent():
     first, second, third = (ball(radius) for radius in (10.0, 20.0, 30.0))
     first = replace(first, point_data={**first.point_data, "lobe": 1 - first.point_data["lobe"]})

@@ -91,20 +91,6 @@ def test_every_case_leads_to_its_page_whatever_the_order_of_the_tables(tmp_path)
     assert written(tmp_path, WORST[::-1]) == page
 
 
-def test_what_is_not_known_of_all_meshes_comes_from_the_quality_table(tmp_path):
-    page = written(tmp_path, WORST, [{**row, "hemi": "L"} for row in WORST], meshes=[])
-    assert page.count("<td>L</td>") == len(WORST)
-
-
-def test_a_cohort_in_which_everything_failed_has_a_page_too(tmp_path):
-    failed = other("a", "failed", stage="gate", reason="<script>alert(1)</script> (mend it)")
-    page = written(tmp_path, [failed, {"case": "b", "state": "excluded", "reason": "motion"}], [])
-    assert re.findall(r'<th scope="row"><a href="(.*?)">', page) == ["../a.html"]
-    assert "gate: &lt;script&gt;alert(1)&lt;/script&gt; (mend it)" in page and "motion" in page
-    assert "<script>alert" not in page
-    assert re.findall(r'<img class="thumbnail" src="([^"]*)"', page) == [DOT], "an excluded one has none"
-
-
 def test_folds_and_maps_are_part_of_the_page(tmp_path):
     mesh = {"case": "a", "cell_size_mm": 0.6, "mesher": "cgal"}
     rows = [

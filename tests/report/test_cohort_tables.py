@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
-from html import escape
 from typing import Any
 
 import pandas as pd
@@ -13,26 +12,19 @@ from cubes import cube_mesh
 from shapes import ball_surface
 
 from cortet.cohort.sheet import Case
-from cortet.cohort.status import COLUMNS as STATUS
 from cortet.config.sections import Certify
 from cortet.config.stages import Resample
 from cortet.errors import InputError
-from cortet.formats.tables import names, sidecar, write_table
+from cortet.formats.tables import names
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import certify
-from cortet.measure.quality import summarise
-from cortet.report import DATA
-from cortet.report.cohort_page import write_cohort_page
 from cortet.report.cohort_tables import (
     QUALITY_COLUMNS,
-    STAGES,
     SUMMARY,
-    quality_columns,
     quality_table,
     summary_table,
     write_quality,
-    write_stages,
     write_summary,
 )
 from cortet.report.records import read_certificate
@@ -119,13 +111,6 @@ def test_sidecars_explain_every_column_and_give_units_and_thresholds(records, tm
     assert explained["bank_gap"]["Threshold"] == ">= 0.03"
 
 
-def test_a_limit_that_differs_from_mesh_to_mesh_is_given_as_a_range():
-    sizes = [record(CASES[0], cell_size=size) for size in (0.6, 1.0)]
-    explained = sidecar(quality_columns(sizes, ["surface_to_boundary_max_mm", "q_max"]))
-    assert explained["surface_to_boundary_max_mm"]["Threshold"] == "<= 0.3 to 0.5, by the mesh"
-    assert explained["q_max"]["Threshold"] == "< 0.6"
-
-
 def test_the_summary_has_the_format_of_the_published_table_by_cell_size():
     meshes = [
         (0.6, "pass", 0.1285, 0.462, 0),
@@ -144,30 +129,3 @@ def test_the_summary_has_the_format_of_the_published_table_by_cell_size():
     assert (three["meshes"], three["certified"]) == (3, 2)
     assert two["q_mean"] == "0.130 [0.128-0.131]"
     assert (one["q_mean"], one["q_max"], one["q_above_0.6"]) == ("0.130", "0.462", "12,095")
-
-
-def test_the_table_of_stages_has_a_row_per_record_in_the_order_given(tmp_path):
-    content, paths = asdict(summarise(cube_mesh(2))), []
-    for stage in ("Generated", "Cleaned"):
-        origin = {"case": "sub-1_hemi-L", "cell_size_mm": 0.6, "mesher": "cgal", "stage": stage}
-        paths.append(tmp_path / f"{stage}.json")
-        paths[-1].write_text(json.dumps({"origin": origin, **content}))
-    write_stages(paths, [tmp_path / "stages.tsv", tmp_path / "stages.json"])
-    rows = read_tsv(tmp_path / "stages.tsv")
-    assert list(rows) == names(STAGES.columns) == list(json.loads((tmp_path / "stages.json").read_text()))
-    assert rows["stage"].tolist() == ["Generated", "Cleaned"] and rows["case"].unique().tolist() == ["sub-1_hemi-L"]
-    assert float(rows["q_max"].iloc[0]) == pytest.approx(content["q"]["max"], rel=1e-5)
-    assert rows["q_above_0.4"].iloc[0] == str(content["count_above"]["0.4"])
-
-
-def test_a_column_is_one_line_that_the_table_its_view_and_the_page_show(records, tmp_path):
-    table, beside, view = (tmp_path / f"cohort_quality.{suffix}" for suffix in ("tsv", "json", "html"))
-    write_quality(records[1:], CASES, [table, beside, view])
-    mesh = {"case": CASES[1].name, "cell_size_mm": 1.0, "mesher": "cgal", "state": "certified"}
-    write_table(STATUS, [mesh], tmp_path / "status.tsv")
-    write_cohort_page(tmp_path / "status.tsv", (table, beside), tmp_path / "page.html", meshes=[])
-    page = (tmp_path / "page.html").read_text()
-    assert len(QUALITY_COLUMNS) == len((DATA / "cohort_quality_columns.tsv").read_text().splitlines()) - 1
-    for column in QUALITY_COLUMNS:
-        assert column.name in read_tsv(table) and f"<dt>{column.name}</dt>" in view.read_text()
-        assert not column.heading or f">{escape(column.heading)}</th>" in page

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cortet.report.figures import PANELS, cohort_figure, mesh_quality_figures, save
+from cortet.report.figures import PANELS, cohort_figure, save
 
 HEADER = "case\themi\tscan_age\tcell_size_mm\ttets\tq_mean\tq_max\tsurface_to_boundary_mean_mm\tverdict\n"
 ROWS = (
@@ -61,15 +61,6 @@ def test_each_panel_shows_every_mesh_in_front_of_the_published_ones(figure):
     assert list(line.get_ydata()) == [0.6, 0.6]
 
 
-@pytest.mark.parametrize("count", [1, 2])
-def test_without_ages_meshes_stand_by_case(table, count):
-    table.write_text(HEADER + count * AGELESS)
-    axis = cohort_figure(table).axes[0]
-    (points,) = axis.collections
-    assert np.asarray(points.get_offsets())[:, 0].tolist() == [1, 2][:count]
-    assert axis.get_xlabel().startswith("case") and all(float(case).is_integer() for case in axis.get_xticks())
-
-
 def test_meshes_of_unknown_age_stand_beyond_the_axis_of_ages(table):
     table.write_text(HEADER + ROWS + AGELESS)
     for axis, value in zip(cohort_figure(table).axes, (390, 0.129, 0.4, 0.03), strict=True):
@@ -79,19 +70,6 @@ def test_meshes_of_unknown_age_stand_beyond_the_axis_of_ages(table):
         ((x, y),) = np.asarray(beside.get_offsets())
         assert x > 1 and y == pytest.approx(value) and beside.get_transform() != axis.transData
         assert not beside.get_clip_on() and "age\nn/a" in texts(axis)
-
-
-def test_a_panel_may_stand_alone(table):
-    (axis,) = cohort_figure(table, limit=0.6, panels=["q_max"]).axes
-    assert axis.get_ylabel() == PANELS["q_max"] and [line.get_ydata()[0] for line in axis.lines] == [0.6]
-
-
-def test_meshes_of_other_cells_stand_beside_published_q_only_and_the_panels_say_so(table):
-    table.write_text(HEADER + ROWS.replace("\t0.6\t", "\t2\t"))
-    figure = cohort_figure(table, limit=0.6, target=0.3)
-    assert [max(len(points.get_offsets()) for points in axis.collections) for axis in figure.axes] == [1, 194, 194, 1]
-    assert ["grey: $h$ = 0.6 mm" in texts(axis) for axis in figure.axes] == [False, True, True, False]
-    assert [line.get_ydata()[0] for line in figure.axes[2].lines] == [0.6, 0.3]
 
 
 def test_a_mesh_that_is_not_certified_is_crossed_out(table):
@@ -111,11 +89,3 @@ def test_files_are_the_same_every_time_and_hold_no_date(figure, tmp_path, suffix
     assert b"CreationDate" not in first.read_bytes() and b"dc:date" not in first.read_bytes()
     if suffix == "svg":
         assert "gestational age (weeks)" in first.read_text(), "text stays text"
-
-
-def test_the_legend_of_a_mesh_lies_above_its_curves():
-    for figure in mesh_quality_figures(np.ones(200, np.int32), limit=0.6):
-        figure.draw_without_rendering()
-        (legend,), (axis,) = figure.legends, figure.axes
-        assert legend.get_window_extent().y0 > axis.get_window_extent().y1 and not axis.get_legend()
-        assert legend.get_window_extent().x0 >= 0

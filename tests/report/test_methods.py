@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import re
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -75,18 +75,6 @@ def test_it_counts_surfaces_and_names_what_was_left_out(records):
     assert "No surface was excluded." in methods_text(records, CASES[:3], {})
 
 
-def test_it_tells_of_ages_that_are_not_known(records):
-    ageless, unsmoothed = [replace(case, scan_age=None) for case in CASES[:3]], copy.deepcopy(records)
-    for one in unsmoothed:
-        del one["parameters"]["smooth_surface"]
-    text = methods_text(unsmoothed, ageless, {})
-    assert "age at scan not known" in text and "smoothed" not in text
-    for one in records:
-        one["parameters"]["smooth_surface"]["method"] = "published"
-    text = methods_text([unsmoothed[0], *records[1:]], [ageless[0], *CASES[1:]], {})
-    assert "22.5-30 weeks, of 1 of them not known" in text and "Surfaces of known age were smoothed by age" in text
-
-
 def test_it_gives_the_parameters_of_each_stage_that_ran(records):
     text = methods_text(records, CASES, {})
     for part in ("h = 0.6 mm", "facet distance 0.5, 0.2, 0.1, 0.05 h", "boundary nodes fixed", "q > 0.7, 0.5, 0.3"):
@@ -94,23 +82,6 @@ def test_it_gives_the_parameters_of_each_stage_that_ran(records):
     assert "repaired" not in text and "fallback" not in text
     published = methods_text([certificate(CASES[0], "published")], CASES, {})
     assert "boundary nodes free" in published and "swaps" not in published
-
-
-def test_it_tells_of_repaired_surfaces_and_of_the_fallback(records):
-    step = {"done": "holes filled", "count": 1200, "of": "faces"}
-    records[0]["reports"]["repair"] = {"repaired": True, "steps": [step]}
-    records[0]["reports"]["generate"]["backend"] = "tetgen"
-    text = methods_text(records, CASES, {})
-    assert f"1 had been repaired: {records[0]['case']} (holes filled: 1,200 faces)" in text
-    assert "the fallback lattice, where CGAL's boundary had another topology (1)" in text
-
-
-def test_it_gives_the_outcome_and_the_versions(records):
-    text = methods_text([*records[:2], certificate(CASES[2], q_max=0.1)], CASES, {})
-    assert "Of 3 meshes, 2 had a worst q below 0.6" in text
-    assert "Not certified: sub-02 (worst q" in text
-    assert f"NumPy {records[0]['versions']['numpy']}" in text
-    assert "use a smaller" not in text and "TetGen" not in text  # no advice, and no program that was not used
 
 
 def test_what_was_used_is_cited_and_nothing_that_is_only_installed():

@@ -20,8 +20,7 @@ from cortet.config.stages import Resample
 from cortet.measure.certify import certify
 from cortet.measure.layers import layer_records
 from cortet.meshes import REGION, TriSurface
-from cortet.report.case_page import Checked, about, write_case_page, write_failure_page
-from cortet.report.pages import embedded
+from cortet.report.case_page import Checked, write_case_page, write_failure_page
 from cortet.report.pictures import thumbnail
 from cortet.stages.repair import repair
 from cortet.stages.resample import resample
@@ -153,23 +152,3 @@ def test_a_page_is_one_small_file_the_same_every_time_that_points_nowhere_else(t
     assert not re.findall(r'(?:src|href|action)="(?!data:|#)[^"]*"', markup)
     assert "@import" not in markup and "url(http" not in markup
     assert len(page) < 1_500_000 and case_page(tmp_path, certificate) == page
-
-
-def test_every_picture_has_its_words(page):
-    pictures = re.findall(r"<img [^>]*>", page)
-    charts = re.findall(r'<figure role="img" aria-label="([^"]*)">', page)
-    assert (len(pictures), len(charts)) == (6, 2)
-    assert all(re.search(r'alt="[^"]{10,}"', picture) for picture in pictures)
-
-
-def test_what_is_not_known_of_a_case_is_left_out():
-    assert list(about({"surface": "white"})) == ["Surface"]
-    known = about({"surface": None, "scan_age": 28.0, "hemi": None, "cell_size": 0.6})
-    assert known == {"Age at scan": "28 weeks", "Shape": "whole brain", "Cell size": "0.6 mm"}
-
-
-def test_a_figure_takes_the_colours_of_the_page():
-    svg = '<?xml?><svg id="a"><metadata>date</metadata><path style="stroke: #000000" clip-path="url(#a)"/></svg>'
-    drawn = embedded(svg, "one")
-    assert drawn.startswith("<svg aria-hidden") and "date" not in drawn
-    assert 'id="one-a"' in drawn and "url(#one-a)" in drawn and "stroke: currentColor" in drawn

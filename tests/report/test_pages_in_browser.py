@@ -130,16 +130,6 @@ def test_everybody_can_read_a_page_that_asks_for_nothing(opened, name):
         assert ground > 200 if scheme == "light" else ground < 60
 
 
-def test_without_scripts_all_is_there_but_the_view(opened):
-    page = opened("cohort", java_script_enabled=False).page
-    assert cases(page)[:2] == ["y", "e"] and len(cases(page)) == len(WORST) + 2
-    assert page.get_by_role("columnheader").count() == 9
-    assert not page.locator("#filter").is_visible()
-    page = opened("case", java_script_enabled=False).page
-    assert page.locator("#no-view").is_visible() and not page.locator("canvas").is_visible()
-    assert page.get_by_role("img", name="Meshed surface, left").is_visible()
-
-
 def test_a_reader_sorts_filters_and_chooses_columns(opened):
     page = opened("cohort").page
     assert cases(page)[:2] == ["y", "e"] and cases(page)[-1] == "z"
@@ -192,12 +182,3 @@ def test_the_view_shows_the_boundary_in_its_colours_and_turns(opened):
     page.get_by_role("button", name="top").click()
     canvas.click()
     assert page.locator("#picked").inner_text().startswith("q 0.")
-
-
-def test_nothing_that_was_slipped_in_runs(opened):
-    page = opened("failure").page
-    page.evaluate("document.body.insertAdjacentHTML('beforeend', '<img src=x onerror=\"window.ran = 1\">')")
-    page.evaluate(
-        "const s = document.createElement('script'); s.textContent = 'window.ran = 1'; document.body.append(s)"
-    )
-    assert page.evaluate("window.ran") is None

@@ -11,14 +11,12 @@ import pytest
 from cubes import cube_mesh
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
-from shapes import ball_surface
 
 from cortet.errors import InputError
-from cortet.meshes import REGION, TetMesh, TriSurface
+from cortet.meshes import REGION, TetMesh
 from cortet.report.colours import GREY, REGION_COLOURS
-from cortet.report.render import _aim, _bar, _directions, off_screen, picture, surface_view
+from cortet.report.render import picture
 from cortet.report.slices import draw_section, middle_of, section
-from cortet.report.surface_maps import maps_figure
 
 
 @pytest.fixture(autouse=True)
@@ -49,18 +47,6 @@ def test_a_cut_mesh_fills_the_picture_and_elements_beyond_the_limit_stand_out(tm
         assert is_bad or (drawn.any(axis=1).mean() > 0.9 and drawn[150].sum() > 150), "from top to bottom"
 
 
-def test_the_cut_can_lie_anywhere_along_any_axis_and_its_plane_is_named(tmp_path):
-    words = []
-    for axis in ("x", "y", "z"):
-        picture(cube_mesh(4, side=10.0), tmp_path / "a.png", axis=axis, position=0.3, size=(400, 300))
-        image = pixels(tmp_path / "a.png").astype(int)
-        assert (image[:200] < 250).any()
-        words.append(image[-30:])
-    assert words[0].min() < 200 and (words[0] != words[1]).any()  # "cut at x = ", "cut at y = "
-    with pytest.raises(InputError, match="pixels"):
-        picture(cube_mesh(2), tmp_path / "b.png", size=(0, 300))
-
-
 def test_a_side_shows_the_mesh_from_there(tmp_path):
     """A slab that is 6 mm long in y, 3 mm in x and 1 mm in z: each side has a shape of its own."""
     mesh = cube_mesh(3, side=6.0)
@@ -85,18 +71,6 @@ def test_regions_have_their_colours_and_a_mesh_without_any_is_refused(tmp_path):
     assert min(orange, blue) > 10_000
 
 
-def test_a_picture_has_a_scale_bar_before_it_and_says_where_anterior_is():
-    points = cube_mesh(4, side=50.0).points
-    bar = _bar(points, 1, 1)
-    assert np.abs(bar[1] - bar[0]).tolist() == [10, 0, 0]
-    assert bar[0, 1] == points[:, 1].max() and bar[0, 2] < 0
-    with off_screen((200, 150)) as plotter:
-        _aim(plotter.camera, points, 1, width_to_height=1)
-        assert _directions(plotter.camera) == ["anterior towards you", "superior up", "left on the right"]
-        _aim(plotter.camera, points, 0, -1, width_to_height=1, above=0, beside=0)
-        assert _directions(plotter.camera)[0] == "anterior on the left"
-
-
 def test_a_section_has_the_colours_of_its_regions_the_area_of_the_cut_and_axes_that_say_anterior():
     mesh = cube_mesh(4, side=10.0)
     assert middle_of(mesh, "coronal") == 5.0
@@ -114,19 +88,3 @@ def test_a_section_has_the_colours_of_its_regions_the_area_of_the_cut_and_axes_t
 def _area(ring: np.ndarray) -> float:
     x, y = ring.T
     return abs(float(x @ np.roll(y, 1) - y @ np.roll(x, 1))) / 2
-
-
-def test_open_edges_of_a_surface_are_orange():
-    ball = ball_surface(3)
-    opened = TriSurface(ball.points, ball.faces[ball.points[ball.faces, 0].mean(axis=1) > -0.7])
-    whole, torn = (surface_view(one, side="L", size=(300, 225)) for one in (ball, opened))
-    assert orange(whole) == 0 < orange(torn)
-
-
-def test_maps_have_their_own_colours():
-    ball = ball_surface(3)
-    figure = maps_figure(ball, {"height": ball.points[:, 2], "side": ball.points[:, 0]})
-    bars = [axis.get_ylabel() for axis in figure.axes if not axis.images]
-    assert bars == ["height", "side"] and len(figure.axes) == 2 * 3
-    left, right = (np.asarray(axis.images[0].get_array()).astype(int) for axis in figure.axes[2:4])
-    assert np.ptp(left[..., :3], axis=2).max() > 50 and not np.array_equal(left, right)

@@ -52,16 +52,6 @@ def test_latex_is_escaped_and_has_rules_between_groups(tmp_path):
     assert latex.index(r"\toprule") < latex.index(r"\bottomrule") and latex.count(r"\midrule") == 2
 
 
-def test_numbers_stand_at_the_right_and_have_a_minus_sign(tmp_path):
-    columns = (Column("case", heading="Case"), Column("v", heading="slope & 1 - h", form=lambda row: row["v"]))
-    rows = [{"case": "a-1", "v": "-2.90 ± 0.01"}, {"case": "b-1", "v": "-3.1 [-3.2--2.9]"}, {"case": "c", "v": "n/a"}]
-    written = texts(tmp_path, Table("Slopes", columns, first=()), pd.DataFrame(rows))
-    assert r"\begin{tabular}{@{}lr@{}}" in written[".tex"]
-    assert r"Case & slope \& 1 $-$ $h$ \tabularnewline" in written[".tex"]
-    assert r"a-1 & $-$2.90 $\pm$ 0.01 \tabularnewline" in written[".tex"]
-    assert '<td class="n">-2.90 ± 0.01</td>' in written[".html"] and "-2.90 ± 0.01 |" in written[".md"]
-
-
 @pytest.mark.parametrize("count", [0, 99])
 def test_nothing_of_a_large_table_is_left_out_and_an_empty_one_has_its_headings(count, tmp_path):
     rows = pd.DataFrame({"name": [f"case {number} {'long ' * 50}" for number in range(count)], "value": 1.0})
@@ -70,13 +60,6 @@ def test_nothing_of_a_large_table_is_left_out_and_an_empty_one_has_its_headings(
     for form in (".tex", ".md", ".html"):
         assert "v (mm)" in written[form]
         assert len(set(re.findall(r"case (\d+)( long){50}", written[form]))) == count
-
-
-def test_without_headings_readers_see_what_the_tsv_has_whatever_the_names(tmp_path):
-    columns = (Column("class", "Name"), Column("attributes", "Worst q", limit="< 0.6", heading="Worst", form=".1f"))
-    page = texts(tmp_path, Table("Quality", columns), pd.DataFrame([{"class": "a", "attributes": 4 / 9}]))[".html"]
-    assert cells(page, "th") == ["class", "attributes", "a"] and cells(page, "td") == ["0.444444"]
-    assert "<dt>attributes</dt><dd>Worst q; threshold: &lt; 0.6</dd>" in page
 
 
 def test_numbers_are_given_as_the_paper_gives_them():

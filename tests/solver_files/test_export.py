@@ -10,13 +10,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from exported import full_mesh
-from shapes import ball_mesh, ball_surface
+from shapes import ball_mesh
 
 from cortet.api.meshing import tetrahedra
 from cortet.errors import InputError, StageError
-from cortet.formats import FORMATS, format_of, read_mesh, stl, vtu
+from cortet.formats import FORMATS, format_of, read_mesh, vtu
 from cortet.measure.quality import quality
-from cortet.meshes import CoordinateFrame, MeshSets, TetMesh
+from cortet.meshes import CoordinateFrame, MeshSets
 from cortet.solver_files.export import convert, export
 from cortet.solver_files.fields import FieldSource
 from cortet.stages.solver_ready import surface_nodes_first
@@ -113,18 +113,6 @@ def test_every_format_is_made_of_another_and_what_it_lacks_is_told(tmp_path, tar
         assert record["fields"]["thickness"]["source"] == "thickness.shape.gii"
 
 
-def test_conversion_renumbers_and_names_sets_where_they_are_missing(tmp_path):
-    mesh, _ = surface_nodes_first(ball_mesh())
-    last = len(mesh.points) - 1
-    swap = np.r_[last, np.arange(1, last), 0]
-    vtu.write(TetMesh(mesh.points[swap], swap[mesh.cells]), tmp_path / "m.vtu")
-    done = convert(tmp_path / "m.vtu", tmp_path / "m.inp", source_unit="mm")
-    assert done == [
-        "nodes were renumbered so that surface nodes come first",
-        "it has no sets, so cortet made the default sets",
-    ]
-
-
 @pytest.mark.parametrize(
     ("suffix", "written"),
     [(".inp", ("dicke,", "dicke_2,", "NSET=grosse")), (".feb", ('"dicke"', '"dicke_2"', '"grosse"'))],
@@ -157,13 +145,6 @@ def test_sets_are_kept_on_the_way_to_another_format(tmp_path, faces):
         assert np.array_equal(found.cells[name], cells)
     surfaces = re.findall(r"\*SURFACE, TYPE=ELEMENT, NAME=(\w+)", (tmp_path / "m.inp").read_text())
     assert set(surfaces) == {*mesh.sets.faces}
-
-
-def test_a_surface_becomes_no_mesh(tmp_path):
-    stl.write(ball_surface(1), tmp_path / "ball.stl")
-    for target in ("ball.inp", "ball.surf.gii"):
-        with pytest.raises(InputError, match="holds a surface"):
-            convert(tmp_path / "ball.stl", tmp_path / target)
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("m", 1e-3), ("cm", 0.1), ("um", 1e3)])

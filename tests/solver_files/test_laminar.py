@@ -1,10 +1,8 @@
 """Depths of a cortex between two spheres, whose columns are radii: points, values and surfaces."""
 
-import json
 import shutil
 from pathlib import Path
 
-import meshio
 import numpy as np
 import pytest
 from shapes import ball_surface
@@ -120,41 +118,6 @@ def test_layers_stay_with_a_mesh_that_is_converted_and_checked_again(folder, tmp
     ]
     assert [layer.number for layer in first] == [1, 2]
     assert np.abs(projected(tmp_path, tmp_path, "--layer", "2", mesh="y.vtu") - 9.4).max() < 0.4
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        ["--layer", "3"],
-        ["--depth", "110%"],
-        ["--layer", "1", "--depth", "50%"],
-        ["--equidistant"],
-        ["--layer", "1", "--thickness", "3"],
-    ],
-    ids=["no such layer", "below the cortex", "both", "equidistant without depth", "layer and thickness"],
-)
-def test_project_refuses_what_cannot_be(folder, tmp_path, options):
-    command = ["project", str(folder / "x.vtu"), "--mesh", str(folder / "x.vtu"), "-o", str(tmp_path / "x.func.gii")]
-    assert main([*command, *options]) != 0
-    assert not (tmp_path / "x.func.gii").exists()
-
-
-def test_the_command_layers_refuses_surfaces_in_the_wrong_order(folder, tmp_path, capsys):
-    given = [str(folder / "pial.surf.gii"), str(folder / "white.surf.gii")]
-    assert main(["layers", *given, "--layers", "2", "-o", str(tmp_path / "lh.surf.gii")]) != 0
-    assert "white surface first" in capsys.readouterr().err and not [*tmp_path.iterdir()]
-
-
-def test_columns_at_midside_nodes_are_unit_vectors_and_the_sidecar_names_units(folder, tmp_path):
-    assert main(["quadratic", str(folder / "x.vtu"), "-o", str(tmp_path / "ten.vtu")]) == 0
-    length = np.linalg.norm(meshio.read(tmp_path / "ten.vtu").point_data["column"], axis=1)
-    assert np.isclose(length[:, None], [0, 1], atol=1e-6).any(axis=1).all() and (length > 0.5).any()
-    fields = json.loads((folder / "x.vtu.json").read_text())["fields"]
-    assert {name: fields[name]["units"] for name in ("column", "thickness_mm", "depth")} == {
-        "column": "1",
-        "thickness_mm": "mm",
-        "depth": "1",
-    }
 
 
 def test_the_command_layers_writes_a_surface_for_each_bound(folder, tmp_path, capsys):

@@ -18,7 +18,7 @@ from shapes import ball_surface
 
 from cortet.cli import main
 from cortet.formats import vtu
-from cortet.formats.gifti import read_surface, write_fields, write_surface
+from cortet.formats.gifti import read_surface, write_surface
 from cortet.meshes import TetMesh, TriSurface
 
 RADIUS = 14.0
@@ -245,18 +245,6 @@ def test_an_inner_surface_and_another_unit_are_found(folder, monkeypatch):
         assert np.abs(found["u_1"] - surfaces[name].points[:, 0]).max() < 1.0
 
 
-def test_tensors_are_known_by_their_numbers(mesh, folder):
-    made = grid(mesh.points, mesh.cells)
-    made.point_data["s"] = np.tile([1.0, 2, 3, 4, 5, 6], (len(mesh.points), 1))
-    made.point_data["s_pressure"] = np.full(len(mesh.points), 7.0)
-    made.point_data["F"] = np.tile(np.arange(9.0), (len(mesh.points), 1))
-    made.save("r.vtu")
-    found = projected("r.vtu")
-    assert found["s_principal_1"][0] == pytest.approx(np.linalg.eigvalsh([[1, 4, 6], [4, 2, 5], [6, 5, 3]])[2])
-    assert "F_9" in found and "F_pressure" not in found
-    assert found["s_pressure"] == pytest.approx(7) and found["s_pressure_2"] == pytest.approx(-2)
-
-
 def test_a_node_that_does_not_exist_and_a_reader_that_breaks_down_are_refused(mesh, folder, capsys, monkeypatch):
     """Of damaged `.vtk` files, 4 in 10 end VTK with a signal."""
     made = grid(mesh.points, mesh.cells)
@@ -286,29 +274,6 @@ def test_a_relative_depth_is_a_part_of_the_thickness(folder, mesh):
     assert np.median(over[high] / heights()[high]) == pytest.approx(1 - 2 / RADIUS, abs=0.02)
     assert project("r.vtu", "--mesh", "x.vtu", "-o", "no.func.gii", "--depth", "50%") == 1
     assert not Path("no.func.gii").exists()
-
-
-def test_the_thickness_of_the_mesh_differs_from_vertex_to_vertex(folder, mesh):
-    x = read_surface("x.surf.gii").points[:, 0]
-    write_fields({"thickness": np.where(x > 0, 2.0, 6.0)}, "t.shape.gii")
-    made = ["mesh", "x.surf.gii", "--ga", "28", "--cell-size", "3.5", "--field", "thickness=t.shape.gii", "-o", "t.vtu"]
-    assert main(made) == 0
-    write(vtu.read("t.vtu"), "r.vtu")
-    found = projected("r.vtu", "--depth", "50%", mesh="t.vtu")
-    below = np.linalg.norm(np.column_stack([found[f"u_{k}"] for k in (1, 2, 3)]), axis=1)
-    assert np.median(below[x > 4]) == pytest.approx(RADIUS - 1, abs=0.1)
-    assert np.median(below[x < -4]) == pytest.approx(RADIUS - 3, abs=0.1)
-
-
-def test_files_of_the_other_hemisphere_are_refused(folder, mesh, capsys):
-    write(mesh, "r.vtu")
-    write_surface(ball_surface(3, RADIUS), "right.surf.gii")
-    image = nib.load("right.surf.gii")
-    image.meta["AnatomicalStructurePrimary"] = "CortexRight"
-    Path("right.surf.gii").write_bytes(image.to_xml())
-    assert project("r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii", "--surface", "right.surf.gii") == 1
-    assert "right.surf.gii: is of hemisphere R" in capsys.readouterr().err
-    assert not list(folder.glob("r.*.gii"))
 
 
 def test_sets_are_no_results(folder, mesh):

@@ -19,9 +19,9 @@ from shapes import ball_mesh
 
 from cortet.errors import InputError
 from cortet.geometry.quadratic import EDGES, LEAST_JACOBIAN, QuadraticMesh, jacobian_bounds, quadratic
-from cortet.geometry.topology import boundary_surface, sheet
+from cortet.geometry.topology import boundary_surface
 from cortet.measure.quality import signed_volumes
-from cortet.meshes import REGION, TetMesh, TriSurface
+from cortet.meshes import TetMesh, TriSurface
 from cortet.solver_files.sets import named_sets
 from cortet.solver_files.ten_nodes import with_middles, write_ten_nodes
 
@@ -129,18 +129,6 @@ def test_another_surface_than_the_meshed_one_is_refused(ball):
     for none in (np.nan, -1.0, 0.0, np.inf):
         with pytest.raises(InputError, match="is not above 0"):
             quadratic(mesh, other, max_boundary_distance=none)
-
-
-def test_the_nodes_of_an_interface_are_checked_too():
-    mesh = cube_mesh(4, side=4.0)
-    inner = (np.abs(mesh.points[mesh.cells].mean(axis=1) - 2) < 1).all(axis=1)
-    mesh = replace(mesh, cell_data={REGION: 1 + inner.astype(np.int32)})
-    within, _ = sheet(mesh, 1)
-    outer = replace(boundary_surface(mesh)[0], inner={"white": within})
-    assert quadratic(mesh, outer).least_jacobian == 1
-    moved = TriSurface(within.points + 0.1, within.faces)
-    with pytest.raises(InputError, match="boundary nodes are more than"):
-        quadratic(mesh, replace(outer, inner={"white": moved}))
 
 
 def by_meshio(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:

@@ -8,9 +8,7 @@ import meshio
 import numpy as np
 import pytest
 from read_back import READERS, model
-from shapes import ball_surface
 
-import cortet
 from cortet.cli import main as cortet_command
 from cortet.errors import InputError
 from cortet.formats import FORMATS, read_mesh, vtu
@@ -18,7 +16,7 @@ from cortet.formats.tags import region_numbers, regions
 from cortet.geometry.quadratic import quadratic
 from cortet.geometry.topology import boundary_faces, boundary_surface, compact
 from cortet.measure.certify import certify
-from cortet.meshes import REGION, MeshSets, TetMesh
+from cortet.meshes import REGION, TetMesh
 from cortet.solver_files.export import convert, export
 from cortet.solver_files.sets import named_sets, tagged
 from cortet.solver_files.sidecar import CHANGED, changed_since
@@ -72,21 +70,6 @@ def test_labels_that_a_file_cannot_hold_beside_its_regions_are_said_and_may_take
     assert regions(read_mesh(tmp_path / f"n{suffix}")) == {"tissue_left": 3, "tissue_right": 7}
 
 
-def test_python_has_the_same_numbers_and_names(tmp_path):
-    balls = [ball_surface(3, radius=radius) for radius in (10.0, 7.0)]
-    made = cortet.mesh(balls[0], 2.0, inner={"white": balls[1]}, progress=False)
-    assert made.regions == {"cortex": 1, "white": 2}
-    record = {one.name: one.number for one in made.certificate.regions}
-    back = meshio.read(made.save(tmp_path / "m.vtu"))
-    in_file = {name: int(tag[0]) for name, tag in back.field_data.items() if tag[1] == 3}
-    assert made.regions == record == in_file
-    assert np.array_equal(back.cell_data["region"][0], made.named().cell_data[REGION])
-    far = np.linalg.norm(made.points[made.cells].mean(axis=1), axis=1)
-    assert np.array_equal(made.mesh.cell_data[REGION] == 1, far > 6.9)
-    alone = cortet.mesh(balls[0], 2.5, progress=False)
-    assert alone.regions == {"cortex": 1, "core": 2}
-
-
 def test_numbers_of_regions_do_not_wrap_and_those_that_no_format_holds_are_refused(tmp_path):
     mesh, half = model(), np.arange(384) < 192
     vtu.write(replace(mesh, cell_data={"tissue": np.where(half, 0, 255).astype(np.uint8)}), tmp_path / "in.vtu")
@@ -98,21 +81,6 @@ def test_numbers_of_regions_do_not_wrap_and_those_that_no_format_holds_are_refus
     largest = replace(mesh, cell_data={"tissue": np.where(half, 10**7 - 2, 1)})
     export(tagged(largest, "tissue"), tmp_path / "m.bdf", solver="nastran", certificate=CERTIFIED)
     assert np.unique(read_mesh(tmp_path / "m.bdf").cell_data[REGION]).tolist() == [1, 10**7 - 2]
-
-
-def test_a_field_does_not_take_the_name_of_a_component(tmp_path):
-    two = {"two": model().points[:, :2], "two_1": model().points[:, 2]}
-    with pytest.raises(InputError, match="two_1, two_2"):
-        export(replace(model(), point_data=two), tmp_path / "m.msh", solver="gmsh", certificate=CERTIFIED)
-
-
-def test_surface_groups_of_another_program_are_kept_beside_the_whole_surface(tmp_path):
-    mesh = model()
-    group = mesh.sets.faces["cortical_surface"][:10]
-    vtu.write(replace(mesh, sets=MeshSets(faces={"inlet": group}, cells=mesh.sets.cells)), tmp_path / "in.vtu")
-    convert(tmp_path / "in.vtu", path := tmp_path / "m.vtu", source_unit="mm")
-    faces = read_mesh(path).sets.faces
-    assert len(faces["cortical_surface"]) == 192 and len(faces["inlet"]) == 10
 
 
 @pytest.mark.parametrize("name", [*FORMATS])
@@ -149,20 +117,6 @@ def test_a_name_of_any_letters_is_kept_or_its_change_is_said(name, called, tmp_p
     now = next((line.removeprefix(f"{called} was renamed to ") for line in told if "was renamed to" in line), called)
     assert now in regions(back)
     assert now in back.sets.nodes or "nodes" not in FORMATS[name].holds or name == "carp"
-
-
-@pytest.mark.parametrize("number", [150, 2035])
-def test_febio_has_labels_above_100_by_their_number(number, tmp_path):
-    def written(number: int) -> str:
-        region = np.where(model().cell_data[REGION] == 2, number, 1).astype(np.int32)
-        mesh = replace(model(), cell_data={REGION: region})
-        export(mesh, tmp_path / "m.feb", solver="febio", certificate=CERTIFIED)
-        return (tmp_path / "m.feb").read_text()
-
-    text = written(number)
-    assert f'<material id="{number}" name="white"' in text and '<SolidDomain name="white" mat="white"/>' in text
-    with pytest.raises(InputError, match="white.*3001"):
-        written(3001)
 
 
 @pytest.mark.parametrize("what", ["edited", "deleted", "renamed and edited", "renamed", "as it was"])

@@ -9,12 +9,11 @@ import pytest
 from exported import full_mesh
 from shapes import ball_mesh
 
-from cortet.config import load
 from cortet.errors import InputError
 from cortet.geometry.topology import boundary_faces, boundary_nodes
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import TetMesh
-from cortet.solver_files.sets import cell_labels, face_labels, named_sets, set_name
+from cortet.solver_files.sets import named_sets, set_name
 from cortet.stages.solver_ready import surface_nodes_first
 
 
@@ -32,14 +31,6 @@ def test_cortex_is_what_lies_within_a_depth(ball):
     assert volume[cells["core"]].sum() / volume.sum() == pytest.approx(0.7**3, rel=0.1)
 
 
-def test_inside_a_white_surface_nothing_is_cortex_unless_asked(ball):
-    cells = named_sets(ball, **load({}).export.sets("white")).sets.cells
-    assert cells.keys() == {"core"} and len(cells["core"]) == len(ball.cells)
-    asked = load({"export": {"cortex_layer": True}}).export.sets("white")
-    for chosen in (asked, load({}).export.sets("pial"), load({}).export.sets(None)):
-        assert named_sets(ball, **chosen).sets.cells.keys() == {"cortex", "core"}
-
-
 def test_cortex_by_a_field_is_as_deep_as_the_field_says_there(ball):
     x = ball.points[:, 0]
     mesh = replace(ball, point_data={"thickness": np.where(x > 0, 4.0, 2.0)})
@@ -50,13 +41,6 @@ def test_cortex_by_a_field_is_as_deep_as_the_field_says_there(ball):
     right, left = centroids[:, 0] > 2, centroids[:, 0] < -2
     assert not inside[right & (radius < 5.8)].any() and inside[right & (radius > 6.2)].all()
     assert not inside[left & (radius < 7.8)].any() and inside[left & (radius > 8.2)].all()
-
-
-def test_depth_is_measured_from_the_cortical_surface_and_not_from_the_medial_wall():
-    mesh = full_mesh()
-    centroids = mesh.points[mesh.cells].mean(axis=1)
-    at_the_wall = (centroids[:, 2] < 1.5) & (np.abs(centroids[:, :2] - 4) < 2).all(axis=1)
-    assert at_the_wall.any() and np.isin(np.flatnonzero(at_the_wall), mesh.sets.cells["core"]).all()
 
 
 def test_the_medial_wall_is_where_its_label_is():
@@ -82,14 +66,6 @@ def test_every_label_is_a_set_of_surface_nodes_of_faces_and_of_tetrahedra():
     assert np.array_equal(np.sort(parcels), mesh.sets.cells["cortex"])
     of_nodes = labels[mesh.cells[mesh.sets.cells["area_V1"]]]
     assert ((of_nodes == 3).sum(axis=1) >= 2).all()
-
-
-def test_a_label_is_that_of_most_nodes_or_else_of_the_first():
-    values = np.array([1, 1, 2, 3, 2])
-    cells = np.array([[0, 1, 2, 3], [2, 3, 4, 0], [0, 2, 3, 4], [2, 0, 1, 4]])
-    assert cell_labels(values, cells).tolist() == [1, 2, 2, 2]
-    corners = np.array([[0, 0, 1], [0, 1, 0], [1, 0, 0], [1, 1, 1], [0, 1, 2], [2, 1, 0]], np.int32)
-    assert face_labels(np.array([1, 2, 3]), corners).tolist() == [1, 1, 1, 2, 1, 3]
 
 
 @pytest.mark.parametrize(

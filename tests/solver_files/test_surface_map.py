@@ -7,17 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cubes import cube_mesh
-from scipy.sparse import csr_array
-from shapes import ball_mesh, ball_surface
+from shapes import ball_surface
 
 import cortet
 from cortet.errors import InputError
 from cortet.geometry.closest_point import closest_points, tree_of
-from cortet.geometry.containing import containing
-from cortet.geometry.interpolation import applied
 from cortet.geometry.topology import boundary_nodes, boundary_surface
 from cortet.meshes import TriSurface, single_precision
-from cortet.phantoms import phantom_with_sphere
 from cortet.solver_files.surface_map import surface_map
 
 RADIUS = 14.0
@@ -76,15 +72,6 @@ def test_labels_are_never_averaged(made):
         assert set(made.to_surface(of_cells, depth=depth).tolist()) == {2, 7}
 
 
-def test_the_label_with_the_most_weight_is_taken():
-    """Not that of the largest weight; the smallest in a tie."""
-    matrix = csr_array([[0.4, 0.3, 0.3], [0.5, 0.5, 0.0], [0.0, 0.0, 0.0]])
-    labels = np.array([9, 2, 2])
-    assert np.array_equal(applied(matrix, labels), [2, 2, np.nan], equal_nan=True)
-    known = np.array([9.0, np.nan, np.nan])
-    assert np.array_equal(applied(matrix[:2], known, labels=True), [np.nan, 9], equal_nan=True)
-
-
 def test_values_of_a_region_are_averaged_within_it(ball):
     inner = single_precision(ball_surface(3, 12.0))
     made = cortet.mesh(ball, cell_size=3.0, inner={"white": inner}, settings=UNSMOOTHED, progress=False)
@@ -93,14 +80,6 @@ def test_values_of_a_region_are_averaged_within_it(ball):
         assert made.to_surface(values, depth=depth) == pytest.approx(100)
     assert made.to_surface(values, region="white") == pytest.approx(-100)
     assert np.abs(made.to_surface(values, depth=(0.0, 4.0))).mean() < 15  # half of it lies in each
-
-
-def test_masked_values_are_unknown(made):
-    hidden = np.ma.masked_invalid(np.where(made.points[:, 0] > 0, np.nan, 1.0))
-    found = made.to_surface(hidden)
-    assert np.isnan(found).any() and found[np.isfinite(found)] == pytest.approx(1)
-    with pytest.raises(InputError, match="masked"):
-        made.to_surface(np.ma.masked_equal(np.arange(len(made.points)), 3))
 
 
 def test_depth_is_below_the_surface(made, ball):
@@ -153,42 +132,3 @@ def test_a_repaired_surface_works_by_the_closest_point_where_it_changed(ball):
     assert found.kept.sum() > 600 and np.isfinite(found.points).all() and found.kept[whole].mean() > 0.95
     nodes = boundary_nodes(made.mesh)
     assert np.abs(made.from_surface(ball.points)[nodes] - made.points[nodes]).max() < 1.0
-
-
-def test_renumbered_vertices_are_found_by_the_closest_point(made, ball):
-    order = np.random.default_rng(0).permutation(len(ball.points))
-    place = np.argsort(order)
-    mixed = TriSurface(ball.points[order], place[ball.faces])
-    found = surface_map(made.mesh, made.surface, mixed)
-    assert not found.kept.any() and found.distances.max() < EXACT
-    assert np.abs(found.on_surface(made.points) - made.to_surface(made.points)[order]).max() < 1e-6
-
-
-def test_vertices_without_position_have_no_value(made, ball):
-    more = replace(ball, points=np.vstack([ball.points, [[np.nan, 0, 0], [RADIUS, 0, 0]]]))
-    found = surface_map(made.mesh, made.surface, more).on_surface(made.points[:, 0])
-    assert np.isnan(found[-2]) and found[-1] == pytest.approx(RADIUS, abs=0.5) and np.isfinite(found[:-2]).all()
-
-
-def test_a_resampled_surface_works_by_the_closest_point():
-    surface, sphere = phantom_with_sphere(24.0, subdivisions=3)
-    made = cortet.mesh(
-        surface, cell_size=4.0, sphere=sphere, settings={"resample": {"subdivisions": 4}}, progress=False
-    )
-    found = made.surface_map()
-    assert "resample" in made.certificate.parameters
-    assert not found.kept.any() and len(found.points) == len(surface.points) != len(made.surface.points)
-    assert np.linalg.norm(made.to_surface(made.points) - surface.points, axis=1).mean() < 0.5
-
-
-def test_every_point_is_found_in_its_tetrahedron():
-    mesh = ball_mesh(3, radius=1.0)
-    random = np.random.default_rng(0)
-    cells = random.integers(len(mesh.cells), size=500)
-    weights = random.dirichlet(np.ones(4), size=500)
-    points = np.einsum("kc,kcx->kx", weights, mesh.points[mesh.cells[cells]])
-    found, own = containing(mesh, points)
-    assert (found == cells).mean() > 0.99 and (found >= 0).all()
-    assert np.abs(np.einsum("kc,kcx->kx", own, mesh.points[mesh.cells[found]]) - points).max() < 1e-12
-    assert (containing(mesh, 2 + points)[0] == -1).all()
-    assert (containing(cube_mesh(1), np.full((1, 3), 1e6))[0] == -1).all()

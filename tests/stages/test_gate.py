@@ -140,21 +140,6 @@ def test_handles_pass_for_those_who_know():
     assert gate(TORUS, Gate(allow_genus=1), source="x")[1].genus == 1
 
 
-@pytest.mark.parametrize(
-    ("name", "word"),
-    [
-        ("defects/camelhead_open", "56 open edges"),
-        ("defects/fertility_genus4", "genus 4"),
-        ("defects/fetomorph_GW29_asis_nonmanifold", "633 edges"),
-        ("neonatal/ico6_smooth_voxel_units", "221.3 mm"),
-    ],
-)
-def test_real_defects_are_refused(name, word):
-    surface = real_surface(name)
-    with pytest.raises(InputError, match=word):
-        gate(surface, source=name)
-
-
 def test_a_real_surface_with_crossing_triangles_is_mended():
     passed, report = gate(real_surface("defects/macaque_lh.NMT.wm_selfintersecting"), source="x")
     assert not len(self_intersections(passed))

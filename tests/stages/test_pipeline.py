@@ -11,7 +11,6 @@ import pytest
 from shapes import ball_surface, real_surface
 
 from cortet.config import Config, load
-from cortet.errors import InputError
 from cortet.formats.gifti import write_surface
 from cortet.geometry.nesting import nested
 from cortet.geometry.topology import boundary_nodes
@@ -75,14 +74,6 @@ def test_the_mesh_is_certified_faithful_and_says_how_it_was_made(made, ball, fil
 def test_a_surface_that_is_not_smoothed_for_want_of_an_age_is_told(ball, caplog):
     next(run(ball, load({**FAST, "smooth_surface": {"method": "published"}})))
     assert "not smoothed" in caplog.text
-
-
-def test_the_gate_stops_an_open_surface(ball):
-    opened = TriSurface(ball.points, ball.faces[1:])
-    with pytest.raises(InputError, match="open edges"):
-        next(run(opened, load({**FAST, "repair": {"enabled": False}})))
-    first = next(run(opened, load(FAST)))
-    assert (first.stage, first.report["repaired"]) == ("repair", True)
 
 
 def test_a_surface_with_a_sphere_is_put_onto_the_common_mesh_first(ball):

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from cubes import cube_mesh
 from shapes import ball_mesh, ball_surface
 
 from cortet.config.stages import Reconnect
@@ -10,8 +9,6 @@ from cortet.geometry import topology
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import TetMesh
-from cortet.optimise.crossing import Flaws
-from cortet.optimise.reconnection import searched
 from cortet.stages.clean import clean
 from cortet.stages.reconnect import reconnect
 
@@ -66,29 +63,3 @@ def test_labels_keep_their_interface_and_values_follow(cleaned):
     for k in (1, 2):
         before, after = (m.cells[m.cell_data["region"] == k] for m in (mesh, result))
         assert set(np.unique(after)) == set(np.unique(before))
-
-
-def test_a_place_whose_boundary_a_search_spoils_stays_as_it_was():
-    cube = cube_mesh(20, jitter=0.05)
-    low, high = (int(np.argmin(np.linalg.norm(cube.points - place, axis=1))) for place in (0.2, 0.8))
-    points = cube.points.copy()
-    points[[low, high]] += 0.03
-    mesh = TetMesh(points, cube.cells)
-    before, tries = worst_beside(mesh, 0.5), []
-
-    def flaws(tried: TetMesh) -> Flaws:
-        """Any gain at the low corner makes the boundary cross itself there."""
-        tries.append(worst_beside(tried, 0.5)[0] < before[0])
-        there = int(np.argmin(np.linalg.norm(tried.points - points[low], axis=1)))
-        crossed = np.full((int(tries[-1]), 3), there, np.int32)
-        return Flaws(crossed, np.zeros((0, 3), np.int32))
-
-    result, _ = searched(mesh, flaws, topology.boundary_surface(mesh)[0], 0.5, "fixed", most=200)
-    after = worst_beside(result, 0.5)
-    assert any(tries) and after[0] == before[0] and after[1] < before[1]
-
-
-def worst_beside(mesh: TetMesh, x: float) -> tuple[float, float]:
-    """The worst q on either side of a plane."""
-    q, beyond = quality(mesh.points, mesh.cells), mesh.points[mesh.cells].mean(axis=1)[:, 0] > x
-    return q[~beyond].max(), q[beyond].max()

@@ -58,18 +58,6 @@ def test_the_vertices_of_the_common_mesh_lie_where_the_map_puts_them():
     assert errors[1] < errors[0] / 3, "linear interpolation: a quarter with edges of half the length"
 
 
-def test_its_own_sphere_gives_the_surface_back():
-    sphere = icosphere(4)
-    labels = np.arange(len(sphere.points), dtype=np.int32) // 7
-    given = TriSurface(egg(sphere.points), sphere.faces, {"label": labels, "x": sphere.points[:, 0]})
-    made, report = resample(given, sphere, Resample(subdivisions=4))
-    assert np.abs(made.points - given.points).max() < 1e-5
-    assert (made.point_data["label"] == labels).all()
-    assert made.point_data["x"] == pytest.approx(given.point_data["x"], abs=1e-12)
-    assert report.native_to_resampled_mm.max < 1e-5
-    assert report.relative_area_change == pytest.approx(0, abs=1e-6) == report.relative_volume_change
-
-
 def test_a_template_takes_the_place_of_the_icosphere(tmp_path):
     write_surface(shifted_sphere(3), tmp_path / "L.sphere.surf.gii")
     config = load({"resample": {"template": str(tmp_path / "{hemi}.sphere.surf.gii")}})

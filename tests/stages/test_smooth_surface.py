@@ -16,7 +16,7 @@ from cortet.geometry.intersection import self_intersections
 from cortet.geometry.topology import enclosed_volume, face_areas
 from cortet.meshes import TriSurface, single_precision
 from cortet.phantoms import phantom
-from cortet.stages.smooth_surface import candidate_iterations, mean_nearest_vertex_distance, smooth_surface
+from cortet.stages.smooth_surface import mean_nearest_vertex_distance, smooth_surface
 
 #: the method and the limits of the setting `published`
 PUBLISHED = SmoothSurface(**SETTINGS["published"]["smooth_surface"])
@@ -39,11 +39,6 @@ def rough_ball() -> TriSurface:
     return single_precision(replace(ball, points=ball.points * radial[:, None]))
 
 
-def test_age_decides_what_is_tried():
-    tried = [candidate_iterations(age) for age in (21.0, 23.0, 29.0, 34.0)]
-    assert tried == [(10, 20, 30), (8, 12, 20), (2, 4, 10), (0, 1, 3)]
-
-
 def test_most_roughness_within_the_limits_is_removed():
     surface = rough_ball()
     smooth, report = smooth_surface(surface, PUBLISHED, gestational_age=30.0)
@@ -58,15 +53,6 @@ def test_most_roughness_within_the_limits_is_removed():
     assert beyond.breaks == (f"vertices are displaced by {beyond.displacement_mm:.3f} mm",)
     assert np.array_equal(smooth.faces, surface.faces)
     assert np.array_equal(single_precision(smooth).points, smooth.points)
-
-
-@pytest.mark.parametrize(("limit", "chosen"), [({"max_area_change": 0.018}, 2), ({"max_displacement": 1e-6}, 0)])
-def test_the_last_candidate_within_all_limits_is_chosen_or_the_surface_stays(limit, chosen):
-    surface = rough_ball()
-    smooth, report = smooth_surface(surface, PUBLISHED.model_copy(update=limit), gestational_age=30.0)
-    assert report.chosen_iterations == chosen
-    assert all(c.breaks for c in report.candidates if c.iterations > chosen)
-    assert np.array_equal(smooth.points, surface.points) == (chosen == 0)
 
 
 def test_a_candidate_that_crosses_itself_is_not_chosen():

@@ -177,15 +177,6 @@ def test_a_stage_gives_what_its_version_gave(stage):
     assert not raised, f"{stage} has a new VERSION: record its result with python {Path(__file__).name}"
 
 
-def test_a_moved_vertex_and_another_numbering_change_the_fingerprint():
-    mesh = ball_mesh()
-    moved, swap = mesh.points.copy(), np.arange(len(mesh.points))
-    moved[-1] += 0.01
-    swap[[0, -1]] = swap[[-1, 0]]
-    for changed in (TetMesh(moved, mesh.cells), TetMesh(mesh.points[swap], swap[mesh.cells])):
-        assert fingerprint(changed) != pytest.approx(fingerprint(mesh), rel=TOLERANCE)
-
-
 if __name__ == "__main__":
     record = {
         stage: {"version": version(stage), "fingerprint": fingerprint(example.result())}

@@ -2,18 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-import numpy as np
-import pandas as pd
 import pytest
 from convergence import (
-    QUANTITIES,
-    Run,
-    convergence_table,
-    large_enough,
     limit,
-    sentence,
 )
 
 SIZES = [1.6, 1.2, 0.9]
@@ -41,56 +32,3 @@ def test_the_limit_of_a_known_series_is_found(order):
 )
 def test_there_is_none_where_nothing_goes_evenly_towards_one(sizes, values, chance):
     assert limit(sizes, values, chance) is None
-
-
-def test_a_size_is_small_enough_if_all_smaller_ones_are():
-    sizes = [3.0, 2.0, 1.0]
-    for values, limit_is, expected in (
-        ([0.9, 0.96, 0.98], 1.0, 2.0),
-        ([1.0, 0.9, 0.98], 1.0, 1.0),
-        ([0.7, 0.8, 0.9], 1.0, None),
-        ([0.7, 0.97, 1.0], None, 2.0),
-        ([0.7, 0.8, 1.0], None, None),  # nothing says that the last one is
-        ([1.0, None, None], None, None),
-    ):
-        assert large_enough(sizes, values, limit_is) == expected
-
-
-def runs(offset: float = 0.0) -> list[Run]:
-    """Two seeds and two meshers at three sizes: order 2 towards 1.3, folds that agree better the smaller the cells."""
-    rng = np.random.default_rng(0)
-    pattern = np.sin(np.linspace(0, 20, 500))
-    found = []
-    for mesher in ("lattice", "cgal"):
-        for size in SIZES:
-            for seed in (0, 1):
-                value = 1.3 - offset * size**2 + 1e-4 * seed
-                gained = pattern + 0.3 * size * rng.normal(size=500)
-                values = dict.fromkeys(QUANTITIES, value)
-                found.append(Run("a", mesher, seed, size, 1.25, 1000, True, values, gained, np.ones(500)))
-    return found
-
-
-def test_the_table_tells_chance_from_cell_size():
-    table = convergence_table(runs(0.1))
-    assert list(table["cell_size_mm"]) == [*SIZES, 0.0] * 2
-    limits = table[table["cell_size_mm"] == 0]
-    assert limits["gyrification_index"].to_numpy() == pytest.approx(1.3, abs=1e-3)
-    measured = table[table["cell_size_mm"] > 0]
-    assert measured["gyrification_index_error"].to_numpy() == pytest.approx(1e-4 / np.sqrt(2))
-    assert (measured["runs"] == 2).all()
-    for pair in ("realisations", "meshers"):
-        column = measured[f"correlation_{pair}"].to_numpy().reshape(2, 3)
-        assert (np.diff(column, axis=1) > 0).all()
-    assert measured["correlation_sizes"].isna().tolist() == [False, False, True] * 2
-    assert "Use h <= 0.72 of the thickness" in sentence(convergence_table(runs(0.08)))
-    assert "No size tried" in sentence(table)
-
-
-def test_a_run_that_stopped_is_counted_and_not_averaged():
-    made = runs()
-    made[0] = replace(made[0], folded=False, values=dict.fromkeys(QUANTITIES, 9.0))
-    first = convergence_table(made).iloc[0]
-    assert (first["runs"], first["stopped"]) == (1, 1)
-    assert first["gyrification_index"] == pytest.approx(1.3001)
-    assert pd.isna(first["correlation_realisations"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import fold_theory
 import numpy as np
 import pytest
-from fold_strips import Wrinkles, critical_growth, material_of, mean_wavelength, strip, theory, wrinkle
+from fold_strips import Wrinkles, critical_growth, material_of, strip, wrinkle
 
 pytestmark = pytest.mark.thorough
 
@@ -14,16 +14,6 @@ LENGTH, DEPTH, SPACING = 40.0, 20.0, 1.0
 
 def wrinkles(thickness: float, stiffness: float) -> Wrinkles:
     return wrinkle(strip(LENGTH, DEPTH, thickness, SPACING), thickness, material_of(stiffness))
-
-
-def test_the_wavelength_of_a_known_wave_is_found():
-    x = np.linspace(0, LENGTH, 41)
-    assert mean_wavelength(3 + np.cos(2 * np.pi * x / 10), LENGTH) == pytest.approx(10)
-
-
-def test_theory():
-    incompressible = material_of(3.0)._replace(bulk=1e9)
-    assert theory(1.0, incompressible) == pytest.approx((2 * np.pi, 0.25))
 
 
 def test_waves_are_longer_in_a_thicker_and_in_a_stiffer_film():

@@ -69,19 +69,6 @@ def test_moduli_are_the_second_derivatives_of_the_energy_that_the_simulation_has
         assert found[0] == pytest.approx(np.array(expected), abs=1e-6)
 
 
-@pytest.mark.parametrize("wave_number", [0.5, 1.5])
-def test_a_layer_that_grows_across_itself_is_as_if_it_had_been_so_thick_at_first(wave_number):
-    plain, thin = (
-        critical_growth(wave_number / (1 + across), 1.0, Material(mu_core=0.2), sharp_profile, across)
-        for across in (0.0, -0.4)
-    )
-    assert thin == pytest.approx(plain, abs=1e-5)
-
-
-def test_without_growth_across_the_onset_is_what_it_was_before_there_was_any():
-    assert critical_growth(0.75, 1.0, Material(mu_core=0.2), smooth_profile) == pytest.approx(0.15597, abs=2e-6)
-
-
 @pytest.mark.parametrize(("wave_number", "across"), [(1.0, 0.0), (10.0, 0.0), (1.0, -0.5)])
 def test_a_half_space_that_grows_all_over_folds_as_biot_says_whatever_the_wave(wave_number, across):
     # its stretches across and along the surface are then as 1 to 0.2956, and the cube root of that is 0.666

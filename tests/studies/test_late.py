@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
-from late import FETUS, NEWBORN, QUANTITIES, comparison, late_figure, measured, truth, undulation
+from late import QUANTITIES, measured
 from scipy.special import sph_harm_y
 from shapes import ball_surface
-from spectrum import BANDS, band_powers, basins, stiffness
+from spectrum import BANDS, band_powers
 
 from cortet.folding.fold_views import brain_of
 from cortet.geometry.spheres import vertex_areas
@@ -29,49 +28,6 @@ def test_a_harmonic_of_a_sphere_is_in_the_band_of_its_frequency(degree, band):
     assert longest == pytest.approx(2 * np.pi * 20 / np.sqrt(2), rel=0.01)
     assert int(powers.argmax()) + 1 == band and len(powers) == BANDS
     assert powers[band - 1] == pytest.approx((vertex_areas(BALL) * values**2).sum(), rel=0.01)
-
-
-def test_powers_do_not_depend_on_size_and_a_constant_has_none():
-    values = harmonic(6) + 0.5 * harmonic(15)
-    large = ball_surface(4, radius=40.0)
-    assert band_powers(large, values / 2)[0] == pytest.approx(band_powers(BALL, values)[0], abs=1e-6)
-    assert band_powers(BALL, np.ones(len(BALL.points)))[0] == pytest.approx(np.zeros(BANDS), abs=1e-9)
-
-
-def test_the_stiffness_of_a_constant_is_zero_and_that_of_a_height_is_the_area_of_its_gradient():
-    matrix = stiffness(BALL)
-    assert np.abs(matrix @ np.ones(len(BALL.points))).max() < 1e-9
-    z = BALL.points[:, 2]
-    assert z @ matrix @ z == pytest.approx(2 / 3 * 4 * np.pi * 20**2, rel=0.01)
-
-
-def test_basins_are_counted_by_the_ridge_between_them():
-    away = [np.linalg.norm(BALL.points - 20 * np.eye(3)[axis], axis=1) for axis in (0, 1)]
-    depth = np.maximum(6.0 - away[0], 0) + np.maximum(4.0 - away[1], 0)
-    assert basins(depth, BALL.faces) == pytest.approx([6.0, 4.0], abs=1.0)
-    assert len(basins(np.maximum(depth, 3.5), BALL.faces)) == 1  # the ridge is 0.5 mm below the second bottom
-    assert len(basins(np.zeros_like(depth), BALL.faces)) == 0
-
-
-def test_thickness_varies_as_much_as_is_asked():
-    values = undulation(BALL, mean_mm=1.2, sd_mm=0.1, length_mm=6.0, seed=0)
-    assert (values.mean(), values.std()) == pytest.approx((1.2, 0.1), abs=0.01)
-    assert np.array_equal(values, undulation(BALL, mean_mm=1.2, sd_mm=0.1, length_mm=6.0, seed=0))
-
-
-def row(kind: str, week: float, index: float, size: float | None = None) -> dict[str, object]:
-    of = {"brain": "a", "kind": kind, "cell_size_mm": size, "week": week}
-    return {**of, **dict.fromkeys(QUANTITIES, 10.0), "gyrification_index": index}
-
-
-def test_folds_are_compared_with_fetuses_only_and_with_nothing_beyond_them():
-    rows = [row(FETUS, 28, 1.1), row(FETUS, 32, 1.3), row(NEWBORN, 30, 9.0), row(NEWBORN, 36, 9.0)]
-    rows += [row("usual", week, 1.15, 0.6) for week in (30, 36)]
-    table = pd.DataFrame(rows)
-    assert truth(table, [28, 30, 36])["gyrification_index"].to_list() == pytest.approx([1.1, 1.2, np.nan], nan_ok=True)
-    early, late = comparison(table).split("\n\n")
-    assert "1.150 (-0.050)" in early and "1.150 (n/a)" in late
-    assert len(late_figure(table).axes) == 9
 
 
 def test_a_surface_is_measured_without_its_medial_wall():

@@ -5,21 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-import nibabel
 import numpy as np
-import pandas as pd
 import pytest
 from carried import carried
 from prediction import (
-    corrected,
     forecast_growth,
     measured_growth,
     predict,
     shuffled_growth,
     uniform_growth,
 )
-from prediction_tables import correlation, predicted_surfaces, scores, write_run
-from series import Series, lobes_of, series_of
+from prediction_tables import correlation, scores
+from series import Series, series_of
 from shapes import ball_mesh, ball_surface
 
 from cortet.config.fold import Settings
@@ -30,7 +27,6 @@ from cortet.folding.journal import SERIES
 from cortet.folding.journal import series as frames_of
 from cortet.folding.surface_growth import area_ratio
 from cortet.formats import vtu
-from cortet.formats.gifti import write_fields
 from cortet.geometry.topology import boundary_surface
 from cortet.meshes import TetMesh, TriSurface
 from cortet.solver_files.names import growth_field
@@ -85,23 +81,6 @@ def test_scores_do_not_see_where_a_brain_lies_and_are_given_by_lobe():
     assert one["depth"] is None and one["distance_mm"] > 0, "one vertex has no correlation, and JSON no NaN"
 
 
-def test_lobes_are_those_of_a_file_of_labels(tmp_path):
-    above = balls().first.points[:, 2] > 0
-    array = nibabel.gifti.GiftiDataArray(np.where(above, 1, 2).astype(np.int32), intent="NIFTI_INTENT_LABEL")
-    table = nibabel.gifti.GiftiLabelTable()
-    for key, name in {1: "upper", 2: "lower"}.items():
-        label = nibabel.gifti.GiftiLabel(key=key)
-        label.label = name
-        table.labels.append(label)
-    nibabel.save(nibabel.gifti.GiftiImage(darrays=[array], labeltable=table), tmp_path / "lobes.label.gii")
-    found = lobes_of(tmp_path / "lobes.label.gii", len(above))
-    assert found["upper"].tolist() == above.tolist() and set(found) == {"upper", "lower"}
-    write_fields({"thickness": np.linspace(1.0, 2.0, len(above))}, tmp_path / "thickness.shape.gii")
-    for name, count, word in (("thickness.shape.gii", len(above), "whole"), ("lobes.label.gii", 3, "642 labels")):
-        with pytest.raises(InputError, match=word):
-            lobes_of(tmp_path / name, count)
-
-
 # --- growth
 
 
@@ -126,14 +105,6 @@ def test_nulls_have_as_much_growth_as_was_measured_but_no_pattern_or_another():
     assert abs(correlation(area_ratio(turned), area_ratio(maps[24.0]), series.weights)) < 0.7
     with pytest.raises(InputError, match="no sphere"):
         shuffled_growth(replace(series, sphere=None), maps, 0)
-
-
-def test_more_is_imposed_where_less_came_out():
-    series = balls()
-    wanted = measured_growth(series, [24.0], 0.0)[24.0]
-    assert corrected(series, wanted, wanted, 0.8 * wanted) == pytest.approx(1.2 * wanted)
-    assert corrected(series, wanted, wanted, 0.8 * wanted, whole=True) == pytest.approx(1.2 * wanted)
-    assert np.abs(corrected(series, wanted, wanted, wanted - 5.0)).max() == pytest.approx(1.2)
 
 
 # --- predictions
@@ -165,37 +136,3 @@ def test_rounds_find_what_has_to_be_imposed(tmp_path):
     nothing = scores(series, predict(series, mesh, "nothing", Path(), **how).points)[0]
     assert rows[23.0]["distance_mm"] < 0.3 * nothing["distance_mm"]
     assert rows[23.0]["area_mm2"] == pytest.approx(rows[23.0]["real_area_mm2"], rel=5e-3)
-
-
-def test_kinds_that_need_no_fold_are_what_they_say():
-    series, mesh = balls(), ball_mesh(1)
-    path = predict(series, mesh, "path", Path(), settings=SETTINGS, until=23.0).points
-    assert path[23.0] == pytest.approx(series.at(23.0).points)
-    way = [np.linalg.norm(path[age] - series.first.points, axis=1).mean() for age in (23.0, 24.0)]
-    assert 1.5 < way[1] / way[0] < 2.0  # brains grow more slowly as they get older
-    _, later = scores(series, predict(series, mesh, "nothing", Path(), settings=SETTINGS, until=23.0).points)
-    assert later["volume_mm3"] == pytest.approx(later["real_volume_mm3"])
-    with pytest.raises(InputError, match="22.5 weeks"):
-        predict(series, mesh, "path", Path(), settings=SETTINGS, until=22.5)
-    other = SETTINGS.with_keys(model="braingrowth", envelope=None)
-    with pytest.raises(InputError, match="mechanics.*growing"):
-        predict(series, mesh, "mechanics", Path(), settings=other, until=23.0)
-
-
-def test_ages_of_weeks_and_days_are_predicted_as_they_are(tmp_path):
-    age = 22 + 2 / 7  # between two rows of the table, and no frame of its own otherwise
-    early, late = (replace(one, points=5 * one.points) for one in (bumpy(2.0, 0.1), bumpy(2.1, 0.15)))
-    series, mesh = series_of({22.0: early, age: late, 23.0: late}), ball_mesh(2, radius=10.0)
-    found = predict(series, mesh, "unmapped", tmp_path, settings=SETTINGS.with_keys(frame_interval=1.0), until=age)
-    assert list(found.points) == [age, 23.0]
-    table = pd.read_csv(tmp_path / "fold.tsv", sep="\t")
-    assert table["gestational_age"].tolist() == pytest.approx([22.0, age, 22.5, 23.0])
-    start, *sizes = (
-        scores(series, {at: points})[0]["volume_mm3"]
-        for at, points in ((23.0, series.first.points), *found.points.items())
-    )
-    assert (sizes[0] - start) / (sizes[1] - start) == pytest.approx(2 / 7, abs=0.1)
-    write_run(found, series, tmp_path)
-    assert list(predicted_surfaces(tmp_path)) == [age, 23.0]
-    write_run(replace(found, points={23.0: found.points[23.0]}), series, tmp_path)
-    assert list(predicted_surfaces(tmp_path)) == [23.0], "nothing of an earlier run stays"
