@@ -170,8 +170,8 @@ rule solver_ready:
         inner_repairs=partial(PLAN.inner_reports, "repair"),
         inner_resamplings=partial(PLAN.inner_reports, "resample"),
     output:
-        certificate=LAYOUT.certificate,
         **mesh_of("solver_ready"),
+        certificate=LAYOUT.certificate,
     log:
         LAYOUT.log("solver_ready", MESH),
     benchmark:

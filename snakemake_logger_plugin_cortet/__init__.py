@@ -26,6 +26,8 @@ from snakemake_interface_logger_plugins.common import LogEvent
 
 #: rule that certifies a mesh, rule that folds it, and rules that refuse it if it is not certified
 _LAST, _FOLD, _EXPORTS = "solver_ready", "fold", ("export", "ten_nodes")
+#: ends of the names of the files in which the first two say how it went
+_VERDICTS = ("certificate.json", "verdict.json")
 #: exception of a failed job, of which our own line says why
 _OF_JOBS = ("RuleException", "CalledProcessError")
 #: part of the name of what the timers of Snakemake's queue call
@@ -82,7 +84,8 @@ class Progress:
         job = self.running.pop(number, None)
         if job is None or job.rule not in (_LAST, _FOLD):
             return ""
-        record = json.loads(Path(job.output[0]).read_text(encoding="utf-8"))
+        (verdict,) = (path for path in job.output if path.endswith(_VERDICTS))
+        record = json.loads(Path(verdict).read_text(encoding="utf-8"))
         if job.rule == _FOLD:
             told = f"{record['reason']}; gyrification index {record['gyrification_index_last']:.2f}"
             return f"{job.mesh}  {told}, {self._minutes(job)}{self.left()}"

@@ -8,7 +8,7 @@ ruff format --check --quiet .
 ruff check --quiet .
 mypy --no-error-summary
 lint-imports --no-logo --cache-dir .cache/import_linter
-snakefmt --check Snakefile rules studies/Snakefile 2>/dev/null
+snakefmt --check --quiet Snakefile rules studies/Snakefile
 
 changed=$(git diff --name-only HEAD; git ls-files --others --exclude-standard)
 [[ $changed ]] || changed=$(git diff --name-only HEAD~1)
