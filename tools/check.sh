@@ -8,7 +8,7 @@ ruff format --check --quiet .
 ruff check --quiet .
 mypy --no-error-summary
 lint-imports --no-logo --cache-dir .cache/import_linter
-snakefmt --check --quiet Snakefile rules studies/Snakefile
+snakefmt --check Snakefile rules studies/Snakefile 2>/dev/null || { echo 'rules: make format' && exit 1; }
 
 changed=$(git diff --name-only HEAD; git ls-files --others --exclude-standard)
 [[ $changed ]] || changed=$(git diff --name-only HEAD~1)

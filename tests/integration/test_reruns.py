@@ -259,7 +259,8 @@ def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study, killed)
         start_new_session=True,
     )
     if killed == "everything":
-        wait_for(study.folder / f"sabotage/wait-solver_ready-{certificate.name}", run)
+        mesh = certificate.name.replace("certificate.json", "tetmesh.vtu")
+        wait_for(study.folder / f"sabotage/wait-solver_ready-{mesh}", run)
         os.killpg(run.pid, signal.SIGKILL)
     assert run.wait() != 0
     assert not certificate.exists()
