@@ -9,7 +9,8 @@ wildcard_constraints:
 rule fold:
     """Grow the cortex until the end, or until an element inverts; goes on where a killed job was.
 
-    Frames and checkpoint lie beside the outputs; declared, Snakemake would delete them before it starts a job again.
+    Frames and checkpoint lie beside the outputs; declared, Snakemake would delete them before it starts a job again. So a
+    fold of the same mesh, which was certified again with other limits, takes seconds.
     """
     input:
         mesh=LAYOUT.mesh("Solver"),

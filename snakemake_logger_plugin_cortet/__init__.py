@@ -84,27 +84,31 @@ class Progress:
         job = self.running.pop(number, None)
         if job is None or job.rule not in (_LAST, _FOLD):
             return ""
-        (verdict,) = (path for path in job.output if path.endswith(_VERDICTS))
-        record = json.loads(Path(verdict).read_text(encoding="utf-8"))
+        (verdict,) = (Path(path) for path in job.output if path.endswith(_VERDICTS))
+        if not verdict.exists():  # after `--touch`
+            return ""
+        record = json.loads(verdict.read_text(encoding="utf-8"))
         if job.rule == _FOLD:
             told = f"{record['reason']}; gyrification index {record['gyrification_index_last']:.2f}"
             return f"{job.mesh}  {told}, {self._minutes(job)}{self.left()}"
         self.certified += record["certified"]
-        told, why = "certified", ""
+        told = "certified,"
         if not record["certified"]:
             self.uncertified.add(job.mesh)
-            told, why = "NOT certified", f": {'; '.join(record['reasons'])}"
+            told = f"NOT certified: {'; '.join(record['reasons'])};"
         numbers = f"worst q {record['quality']['q']['max']:.3f}, {record['quality']['tets']:,} tetrahedra"
         count = f"{self.certified + len(self.uncertified):{len(str(self.meshes))}}/{self.meshes}"
-        return f"{count}  {job.mesh}  {told}, {numbers}, {self._minutes(job)}{self.left()}{why}"
+        return f"{count}  {job.mesh}  {told} {numbers}, {self._minutes(job)}{self.left()}"
 
     def failure(self, number: int, log: str) -> str:
         """The line of a job that failed; nothing for one that was stopped, or whose line was said."""
         job, why = self.running.pop(number, None), reason(log)
         self.stopped = self.stopped or why is None
-        if job is None or self.stopped or (job.rule in _EXPORTS and job.mesh in self.uncertified):
+        if job is None or self.stopped:
             return ""
         self.failed = True
+        if job.rule in _EXPORTS and job.mesh in self.uncertified:
+            return ""
         return f"failed: {job.mesh or job.rule} in {job.rule}: {why}" + (f"\n  more in {log}" if log else "")
 
     def live(self) -> str:
@@ -137,12 +141,12 @@ def mesh_name(wildcards: Mapping[str, str]) -> str:
 def reason(log: str) -> str | None:
     """Why a job failed: as it wrote beside its log; None if somebody stopped it."""
     try:
-        story = json.loads(Path(log).with_suffix(".failure.json").read_text(encoding="utf-8"))
         if Path(log).read_text(encoding="utf-8", errors="replace").endswith("KeyboardInterrupt\n"):
             return None
+        story = json.loads(Path(log).with_suffix(".failure.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return "it left no log"
-    return str(story.get("reason", "it was killed, or ended without a word"))
+        return "it left no word; see its log"
+    return str(story.get("reason", "ended without a message: killed, or ran out of memory or time"))
 
 
 def end_older_timers() -> None:

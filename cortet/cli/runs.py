@@ -206,7 +206,7 @@ def run(
                 code = app.snakemake(
                     work, targets, cores=most, profile=profile, dry_run=dry_run, verbose=common.verbose
                 )
-            if "group" in asked and (alone or not selection.is_all):
+            if "group" in asked and (alone or not (selection.is_all or dry_run)):
                 aggregate(written, output, dry_run=dry_run)
             plan = with_failures(plan)
             unfinished = [name for name, state in app.states_of(plan, names).items() if state == "unfinished"]

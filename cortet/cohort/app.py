@@ -280,7 +280,7 @@ def outcome(plan: Plan, output: Path, *, page: bool, names: Collection[str] | No
     words = ", ".join(f"{counts[state]} {word}" for state, word in _IN_WORDS.items() if counts[state])
     files = " ".join(f"*Solver_{end}" for end, form in EXPORTED.items() if form in plan.config.export.formats)
     look = f"open {output}/cohort/index.html; " if page and Path(plan.layout.cohort_page).is_file() else ""
-    has_meshes = counts["certified"] or plan.config.export.uncertified
+    has_meshes = any(path.exists() for mesh in plan.meshes() for path in plan.exports(mesh))
     meshes = f"meshes: {output}/sub-*/**/mesh/{files}" if has_meshes else "no mesh"
     return f"{len(states)} {'case' if len(states) == 1 else 'cases'}: {words}; {look}{meshes}"
 

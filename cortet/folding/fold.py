@@ -113,8 +113,8 @@ def fold(
     """Grow the cortex of a mesh until the end, its last map of growth, or the first element that inverts.
 
     The folder gets the table of measurements with its sidecar, a table of wall seconds, frames with their series, and
-    the verdict. A run that was killed continues from its last checkpoint there and ends with the same bits. With
-    another mesh or other settings it starts again.
+    the verdict. A run that was killed continues from its last checkpoint there and ends with the same bits, and so does
+    one that had ended. With another mesh or other settings it starts again.
 
     Parameters
     ----------
@@ -144,7 +144,6 @@ def fold(
             moment, rows = _followed(run, Journal(folder, made_of), settings, progress, frames_at)
             verdict = _verdict(run, moment, rows, tuple(doubts))
             write_json(asdict(verdict), folder / VERDICT)
-            (folder / CHECKPOINT).unlink(missing_ok=True)
         finally:
             (folder / LOCK).unlink()
             if is_new and not any(folder.iterdir()):  # the fold was refused

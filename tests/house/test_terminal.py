@@ -48,7 +48,7 @@ def progress(meshes: int = 1, jobs: int = 10) -> tuple[Progress, list[float]]:
     ("certified", "said"),
     [
         (True, "certified, worst q 0.335, 41,487 tetrahedra, 1.5 min"),
-        (False, ": worst q is 0.7; it has a void"),
+        (False, "NOT certified: worst q is 0.7; it has a void; worst q 0.335, 41,487 tetrahedra, 1.5 min"),
     ],
 )
 def test_a_mesh_is_one_line_with_its_verdict(tmp_path, certified, said):
@@ -123,7 +123,7 @@ def failed(log: str = "x.log", jobid: int = 1) -> dict[str, Any]:
 
 STARTED = {"event": LogEvent.WORKFLOW_STARTED}
 GAVE_UP = error("jobs failed", event=LogEvent.ERROR, exception="WorkflowError")
-FAILED = [f"failed: {MESH} in repair: it left no log", "  more in x.log"]
+FAILED = [f"failed: {MESH} in repair: it left no word; see its log", "  more in x.log"]
 #: records of Snakemake, and the lines that they become
 SAID: dict[str, tuple[list[dict[str, Any]], list[str]]] = {
     "errors are said once": (

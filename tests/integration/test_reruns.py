@@ -269,6 +269,8 @@ def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study, killed)
         assert row["state"] == "unfinished"
     else:
         assert (row["stage"], row["state"]) == ("solver_ready", "failed") and "killed" in row["reason"]
+        assert not study.files("sub-a/mesh/*Solver_sets.vtu")
+        assert len([*study.outputs.glob("sub-a/outdated/*/*Solver_sets.vtu")]) == 1
     assert study.jobs_of_run(STATUS)
     assert {row["state"] for row in study.status().values()} == {"certified"}
     hidden = {path.name for path in study.files(".*")}
