@@ -236,12 +236,12 @@ def phantoms(*, count: int = 194, cores: int = 2) -> None:
                 command, cwd=folder, env=os.environ | {"PYTHONPATH": str(ROOT)}, stdout=log, stderr=log
             )
         table = Table("pages", "minutes", "own CPU s", "CPU s", "own share", "threads")
-        process, began, quarter = psutil.Process(run.pid), time.monotonic(), 0
+        process, began, quarter = psutil.Process(run.pid), time.monotonic(), -1
         while run.poll() is None:
             used, threads = process.cpu_times(), process.num_threads()
             done = len([*folder.glob("derivatives/cortet/sub-*/mesh/*_report.html")])
-            if 4 * done // count > quarter or done == 1 > quarter:
-                quarter = max(4 * done // count, 1)
+            if done and 4 * done // count > quarter:
+                quarter = 4 * done // count
                 own, jobs = used.user + used.system, used.children_user + used.children_system
                 minutes = (time.monotonic() - began) / 60
                 table.values(
