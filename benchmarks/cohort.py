@@ -56,7 +56,7 @@ JOB_SECONDS, STAGE_SECONDS = 4.0, 2.0
 VOLUME_ML = 60.0
 #: bytes per tetrahedron of the files of one mesh: of the last stage, exported with its sets (BrainGrowth's takes 37),
 #: and for the browser; and the meshes that only later stages read
-FINAL_BYTES, INTERMEDIATE_BYTES = 9.0 + 10.0 + 1.5, 4 * 9.0
+FINAL_BYTES, INTERMEDIATE_BYTES = 9.0 + 10.0 + 1.5, 3 * 9.0
 
 
 class GivenUpError(Exception):
