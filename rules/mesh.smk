@@ -184,7 +184,6 @@ rule solver_ready:
         names_of_fields=names_of("fields"),
         limits=lambda wildcards: PLAN.setting(wildcards).certify.values(),
         layers=CONFIG.export.layers,
-        version_of_certificate=version_of("measure.certify"),
         line=derived(PLAN.recorded_line),
         settings=PLAN.recorded_settings,
         to_mm=PLAN.placement,

@@ -16,7 +16,6 @@ from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.formats.placement import placed
 from cortet.measure.certify import certify
-from cortet.measure.quality import summarise
 from cortet.stages import STAGES
 
 
@@ -48,5 +47,5 @@ certificate = certify(
 )
 vtu.write(mesh, job.output.mesh)
 write_json(job.record(asdict(report)), job.output.report)
-write_json(job.record(asdict(summarise(mesh))), job.output.quality)
+write_json(job.record(asdict(certificate.quality)), job.output.quality)
 write_json(asdict(certificate), job.output.certificate)

@@ -52,7 +52,7 @@ class Progress:
     """How far a run has come, from the events of Snakemake."""
 
     clock: Callable[[], float] = time.monotonic
-    #: meshes that are made in this run, and how many are done
+    #: meshes that are made in this run, and how many of them are certified so far
     meshes: int = 0
     certified: int = 0
     #: jobs done and in all, and those that are running

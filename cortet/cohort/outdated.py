@@ -51,7 +51,8 @@ def set_aside(plan: Plan, *, dropped: bool = False) -> list[str]:
     for mesh, certificate in plan.certificates().items():
         case, failure = plan.cases[mesh[0]], plan.failures.get(mesh, {})
         if failure.get("state") == "failed" and None not in plan.input_sha256(plan.job(mesh)).values():
-            entries = [] if plan.is_measured(mesh) else _made_with(certificate)  # whether or not S5 has deleted that
+            # the certificate itself may be gone: Snakemake deletes it before S5 runs again
+            entries = [] if plan.is_measured(mesh) else _made_with(certificate)
             entries = _with_companions(plan.exports(mesh)) if failure["stage"] == "volumes" else entries
             move(case, f"{failure['stage']} failed", entries)
         others = [path for path in plan.other_exports(mesh) if _is_older(path, certificate)]
