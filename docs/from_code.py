@@ -36,7 +36,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / "cortet"
 ERRORS = ("InputError", "DamagedFileError", "StageError", "WorkflowError")
 #: functions whose strings are messages though they raise none
 SPEAKERS = {
-    "cohort.ages": ("age_of", "_from_birth", "_of_one_age"),
+    "cohort.ages": ("age_of", "_from_birth"),
     "cohort.scan": ("scan",),
     "cohort.sheet": ("_row_problems", "_name_problems", "_value_problems", "_phantom_problems", "read_sheet"),
     "cohort.selection": ("ageless_notice",),

@@ -12,6 +12,7 @@ from cortet.cohort.app import outcome, workflow as of_workflow
 from cortet.cohort.failures import with_failures
 from cortet.cohort.lock import hold, is_held_by_parent
 from cortet.cohort.outdated import set_aside
+from cortet.cohort.status import in_words
 from cortet.over_all import is_of_run, remember_run
 
 FOLDER = of_workflow()  # the main Snakefile may be a user's, which includes ours
@@ -56,7 +57,7 @@ onerror:
     plan = with_failures(PLAN)
     for (case, *_), failure in plan.failures.items():
         if failure["state"] != "unfinished":
-            logger.error(f"{case}: {failure['stage']}: {failure['reason']}")
+            logger.error(f"{case}: {failure['stage']}: {in_words(failure)}")
     for moved in set_aside(plan):
         logger.warning(moved)
     end_run("failure")

@@ -146,7 +146,8 @@ def reason(log: str) -> str | None:
         story = json.loads(Path(log).with_suffix(".failure.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return "it left no word; see its log"
-    return str(story.get("reason", "ended without a message: killed, or ran out of memory or time"))
+    told = str(story.get("reason", "ended without a message: killed, or ran out of memory or time"))
+    return f"{told} ({story['remedy']})" if story.get("remedy") else told
 
 
 def end_older_timers() -> None:

@@ -7,7 +7,6 @@ only if the configuration names it.
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cortet.errors import InputError
+from cortet.formats.ownership import json_of
 from cortet.formats.tsv import read_uneven_tsv
-from cortet.formats.untrusted import content
 from cortet.geometry.limits import SCAN_AGES
 
 if TYPE_CHECKING:
@@ -29,8 +28,6 @@ Session = tuple[str, str | None]
 _FROM_BIRTH = "age"
 #: units as sidecars write them, in lower case -> weeks
 _WEEKS = dict.fromkeys(("", "week", "weeks", "wk", "wks", "w"), 1.0) | dict.fromkeys(("day", "days", "d"), 1 / 7)
-#: keys of a sidecar that state the unit, in lower case: BIDS has the first
-_UNITS = ("units", "unit")
 #: cells that mean an unknown value
 _MISSING = frozenset({"", "n/a", "na", "nan", "none", "null"})
 
@@ -119,33 +116,17 @@ def ages_at_scan(
     read: dict[Path, _Table] = {}
     found: dict[Session, float] = {}
     remarks: dict[str, list[Session]] = {}
-    shared: dict[str, list[Session]] = {}
     for session in sessions:
-        told: list[str] = []
         for name, path in files[session]:
             if session in found or not path.exists():
                 continue
             table = read[path] = read.get(path) or _read(name, path, columns)
             weeks, remark = table.age_of(session)
-            told.append(remark)
             if weeks is not None:
                 found[session] = weeks
-                told = [one for one in told if "counts from birth" not in one]
-                if session[1] and "session_id" not in table.rows:
-                    shared.setdefault(session[0], []).append(session)
-        for remark in filter(None, told):
-            remarks.setdefault(remark, []).append(session)
-    counted = [f"{remark}: {_counted(own)}" for remark, own in remarks.items()]
-    return found, [*counted, *(_of_one_age(own, found) for own in shared.values() if len(own) > 1)]
-
-
-def _of_one_age(sessions: Sequence[Session], found: Mapping[Session, float]) -> str:
-    """That the sessions of a participant have the age of the participant."""
-    labels = ", ".join(f"ses-{label}" for _, label in sessions)
-    return (
-        f"sub-{sessions[0][0]}: {labels} share the one age of their participant, {found[sessions[0]]:g} weeks (a "
-        "sessions table can give each session its own age)"
-    )
+            if remark:
+                remarks.setdefault(remark, []).append(session)
+    return found, [f"{remark}: {_counted(own)}" for remark, own in remarks.items()]
 
 
 def _counted(sessions: Sequence[Session]) -> str:
@@ -155,38 +136,19 @@ def _counted(sessions: Sequence[Session]) -> str:
 
 
 def _read(name: str, path: Path, columns: Sequence[str]) -> _Table:
-    """A table; columns that are looked for may be written in another case."""
     table, _ = read_uneven_tsv(path)
     if len(table.columns) == 1 and (other := re.search(r"[;,]|\s+", table.columns[0])):
         what = f"line 1: {table.columns[0]!r} is one column: {other[0]!r} separates its values, not a tab"
         raise InputError(what, file=path, remedy="separate values by tabs")
-    wanted = {one.lower(): one for one in (*columns, "participant_id", "session_id")}
-    names = [wanted.get(one.lower(), one) for one in table.columns]
-    for one in wanted.values():
-        if names.count(one) > 1:
-            raise InputError(
-                f"line 1: {names.count(one)} columns are called {one}", file=path, remedy="keep one of them"
-            )
-    column = next((one for one in columns if one in names), None)
-    return _Table(name, table.set_axis(names, axis="columns"), column, _unit(column, name, path) if column else "")
+    column = next((one for one in columns if one in table.columns), None)
+    return _Table(name, table, column, _unit(column, name, path) if column else "")
 
 
 def _unit(column: str, name: str, path: Path) -> str:
     """The Units of a column, by the sidecar of its table or, for sessions tables, by the one of the dataset."""
     root = Path(*path.parts[: len(path.parts) - len(Path(name).parts)])
-    general = root / (path.stem.rpartition("_")[2] + ".json")
-    unit = ""
-    for file in dict.fromkeys((general, path.with_suffix(".json"))):
-        if file.is_file():
-            try:
-                said = json.loads(content(file).decode("utf-8-sig"))
-            except (ValueError, RecursionError) as error:
-                raise InputError(f"is not JSON: {error}", file=file, remedy="correct it, or delete it") from None
-            if not isinstance(said, dict):
-                raise InputError("holds no keys", file=file, remedy="give one key per column of the table")
-            entry = next((entry for key, entry in said.items() if key.lower() == column.lower()), None)
-            if isinstance(entry, dict):
-                unit = next((str(value) for key, value in entry.items() if key.lower() in _UNITS), unit).strip()
-            elif entry is not None:
-                unit = str(entry)
-    return unit
+    for file in (path.with_suffix(".json"), root / (path.stem.rpartition("_")[2] + ".json")):
+        entry = json_of(file).get(column)
+        if isinstance(entry, dict) and "Units" in entry:
+            return str(entry["Units"]).strip()
+    return ""

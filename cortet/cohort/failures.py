@@ -27,6 +27,8 @@ ORDER = (
     *(f"{name}{of}" for name, stage in STAGES.items() for of in ("", "_inner") if of == "" or stage.gives == "surface"),
     *AFTER_CERTIFICATE,
 )
+#: what to do about a job that left no word
+_AFTER_A_KILL = "give the job more memory or time, and run again"
 #: why a mesh is unfinished although its case has one
 _OTHER_SIZE = "its mesh has a different cell size or mesher than requested"
 _OTHER = "its mesh was made with other settings or from another surface"
@@ -40,47 +42,34 @@ class Failure:
     rule: str
     wildcards: Mapping[str, str]
     reason: str
+    #: what to do about it; empty if only its log can tell
+    remedy: str
     log: Path
     #: when it failed or began, seconds since the epoch
-    time: float = 0.0
-    #: the reason without what to do about it, or the line of code where a job was stopped; and what to do
-    problem: str = ""
-    remedy: str = ""
+    time: float
 
     def is_about(self, **wildcards: object) -> bool:
         """Whether the job worked for a mesh, as far as its wildcards say: one on a surface works for all its meshes."""
         return all(self.wildcards.get(key, str(value)) == str(value) for key, value in wildcards.items())
 
 
-def failures(output: Path, *, ended: bool = True) -> list[Failure]:
-    """Jobs below an output folder that did not succeed when they last ran, by the order of the line.
-
-    Parameters
-    ----------
-    ended : whether no job is running now; if one may be, only those count that said why they failed
-    """
+def failures(output: Path) -> list[Failure]:
+    """Jobs below an output folder that did not succeed when they last ran, by the order of the line."""
     found = []
     for path in sorted((output / "logs").rglob("*.failure.json")):
         told, log = json_of(path), path.with_name(path.name.replace(".failure.json", ".log"))
-        if told.get("stage") in ORDER and (ended or "what" in told):
-            story = _story(told, log)
-            if story["reason"] != STOPPED:
-                found.append(Failure(told["stage"], told["wildcards"], log=log, time=path.stat().st_mtime, **story))
+        if told.get("stage") in ORDER:
+            has_word = "reason" in told
+            reason = told["reason"] if has_word else failure_reason(log)
+            remedy = (told["remedy"] or "") if has_word else _AFTER_A_KILL
+            if reason != STOPPED:
+                found.append(Failure(told["stage"], told["wildcards"], reason, remedy, log, path.stat().st_mtime))
     return sorted(found, key=lambda failure: ORDER.index(failure.rule))
 
 
-def _story(told: Mapping[str, Any], log: Path) -> dict[str, str]:
-    """Reason, problem and remedy of a failure; of a job that was killed, what its log says, which has no remedy."""
-    if "what" in told:
-        where = f"{told['where']}: " if told["where"] else ""
-        return {"reason": told["reason"], "problem": f"{where}{told['what']}", "remedy": told["remedy"] or ""}
-    reason = failure_reason(log)
-    return {"reason": reason, "problem": reason.partition(", in ")[0]}  # without a line of code
-
-
-def with_failures(plan: Plan, *, ended: bool = True) -> Plan:
+def with_failures(plan: Plan) -> Plan:
     """The plan, with what its output folder says of meshes and files that are missing."""
-    found = failures(Path(plan.layout.output), ended=ended)
+    found = failures(Path(plan.layout.output))
     by_case: dict[str, list[Failure]] = {}
     for failure in found:
         by_case.setdefault(failure.wildcards.get("case", ""), []).append(failure)
@@ -95,11 +84,11 @@ def with_failures(plan: Plan, *, ended: bool = True) -> Plan:
 
 
 def _state(plan: Plan, mesh: Mesh, certificate: Path, of_case: Sequence[Failure]) -> dict[str, Any] | None:
-    """How a mesh failed, or that it is unfinished: `stage`, `state`, `reason`, and `log` if it failed."""
+    """How a mesh failed, or that it is unfinished: `stage`, `state`, `reason`, `remedy` and `log` if it failed."""
     job = plan.job(mesh)
     for one in of_case:
         if one.is_about(res=job["res"], mesher=job["mesher"], setting="") and _counts(plan, job, certificate, one):
-            words = {"reason": one.reason, "problem": one.problem, "remedy": one.remedy}
+            words = {"reason": one.reason, "remedy": one.remedy}
             return {"stage": one.rule, "state": "failed", **words, "log": str(one.log)}
     reason = "the run ended before this case was done"
     if stage := first_other_stage(plan, mesh):
@@ -163,5 +152,5 @@ def why_missing(plan: Plan, path: str, rule: str, job: Mapping[str, object]) -> 
     for cause in plan.failed:
         before = ORDER.index(cause.rule) < ORDER.index(rule) and cause.rule not in AFTER_CERTIFICATE
         if cause.is_about(**job) and (before or not exists):
-            return f"{cause.rule}: {cause.problem or cause.reason}"
+            return f"{cause.rule}: {cause.reason}"
     return None if exists else "the run ended before this case was done"

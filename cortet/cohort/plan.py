@@ -56,8 +56,7 @@ class Plan(Jobs):
 
     def unmeasured(self) -> dict[str, str]:
         """Why cases have no certificate, by their names, without what to do about it."""
-        failed = [mesh for mesh in self.failures if not self.is_measured(mesh)]
-        return {mesh[0]: self.failures[mesh].get("problem") or self.failures[mesh]["reason"] for mesh in failed}
+        return {mesh[0]: failure["reason"] for mesh, failure in self.failures.items() if not self.is_measured(mesh)}
 
     def measured_certificates(self) -> list[str]:
         """Certificates of all meshes that have one."""
@@ -146,7 +145,7 @@ class Plan(Jobs):
             name, res, mesher = mesh
             row = {"case": name, "cell_size_mm": res / 1000, "mesher": mesher, **self.failures.get(mesh, {})}
             row |= {"certificate": certificate} if self.is_measured(mesh) else {}
-            rows.append({key: value for key, value in row.items() if key not in ("problem", "remedy")})
+            rows.append(row)
         excluded = [case for case in self.sheet if not case.include]
         return rows + [{"case": case.name, "state": "excluded", "reason": case.exclude_reason} for case in excluded]
 

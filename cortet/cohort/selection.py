@@ -1,8 +1,8 @@
-"""Which cases of a sheet are chosen: by name, number or column."""
+"""Which cases of a sheet are chosen: by name or number, or for folding by a column."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from cortet.cohort.sheet import MISSING, NO, YES, Case
 from cortet.config.section import Cases
@@ -15,13 +15,9 @@ _MOST_NAMES = 5
 
 
 def chosen(cases: Sequence[Case], which: Cases) -> list[Case]:
-    """Some of the cases: all, those that are named, a number of them spread evenly over the order of ages, or those for
-    which a column says yes.
-    """
+    """Some of the cases: all, those that are named, or a number of them spread evenly over the order of ages."""
     if which == "all":
         return list(cases)
-    if isinstance(which, Mapping):
-        return [case for case in cases if _says_yes(case, which["column"])]
     if isinstance(which, int):
         by_age = sorted(cases, key=lambda case: (case.scan_age or 0, case.name))
         count = min(which, len(by_age))
@@ -40,11 +36,9 @@ def folded(cases: Sequence[Case], which: Cases | None) -> list[Case]:
 
     A fold starts at an age, so cases without an age are skipped unless they are asked for by name or column.
     """
-    if which is None:
-        which = {"column": FOLD} if any(FOLD in case.extra for case in cases) else []
     if isinstance(which, (str, int)):
         return chosen([case for case in cases if case.scan_age is not None], which)
-    asked = chosen(cases, which)
+    asked = [case for case in cases if _says_yes(case)] if which is None else chosen(cases, which)
     if ageless := [case.name for case in asked if case.scan_age is None]:
         raise InputError(
             f"{', '.join(ageless)}: selected for folding, but the starting age is unknown",
@@ -53,19 +47,14 @@ def folded(cases: Sequence[Case], which: Cases | None) -> list[Case]:
     return asked
 
 
-def _says_yes(case: Case, column: str) -> bool:
-    """Whether a column of the sheet says yes for a case."""
-    if column not in case.extra:
-        raise InputError(
-            f"the sheet has no yes/no column {column}",
-            remedy=f"add it, or name one of the further columns: {', '.join(case.extra) or 'none'}",
-        )
-    value = case.extra[column]
+def _says_yes(case: Case) -> bool:
+    """Whether the column `fold` says yes for a case; a sheet without it folds none."""
+    value = case.extra.get(FOLD, "no")
     if value in MISSING:
         return False
     if value.lower() not in YES | NO:
         raise InputError(
-            f"column {column} of {case.name}: {value!r} is neither yes nor no", remedy="use yes or no; n/a counts as no"
+            f"column {FOLD} of {case.name}: {value!r} is neither yes nor no", remedy="use yes or no; n/a counts as no"
         )
     return value.lower() in YES
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -51,54 +50,35 @@ def began(log: Path, rule: str, wildcards: Mapping[str, str]) -> None:
 def write_failure(log: Path, rule: str, wildcards: Mapping[str, str], error: BaseException) -> None:
     """Write `failure.json`: the stage, what happened, in which file, and the remedy."""
     told = error if isinstance(error, CortetError) else CortetError(f"{type(error).__name__}: {error}")
-    where = None if told.file is None else str(told.file)
-    story = {"what": told.what, "where": where, "remedy": told.remedy, "reason": str(told)}
-    write_json({"stage": rule, "wildcards": dict(wildcards), **story}, failure_path(log))
+    reason = told.what if told.file is None else f"{told.file}: {told.what}"
+    write_json(
+        {"stage": rule, "wildcards": dict(wildcards), "reason": reason, "remedy": told.remedy}, failure_path(log)
+    )
 
 
 def failure_reason(log: Path) -> str:
-    """Why a job failed: the last error in its log.
+    """Why a job ended that left no word: what its log ends with.
 
     A job that took longer than `time_limit` leaves `Timeout (0:01:00)!` and its stack there (`faulthandler`).
     """
-    lines = _lines(log) if log.exists() else []
-    if too_long := [found[1] for line in lines if (found := re.fullmatch(r"Timeout \((.+)\)!", line))]:
-        return f"took longer than {too_long[-1]} (hours:minutes:seconds), the time_limit, {_place_of_stop(lines)}"
-    if lines[-1:] == ["KeyboardInterrupt"]:
+    text = log.read_text(encoding="utf-8", errors="replace") if log.exists() else ""
+    if too_long := re.search(r"^Timeout \((.+)\)!$", text, re.MULTILINE):
+        return f"took longer than {too_long[1]} (hours:minutes:seconds), the time_limit"
+    if text.endswith("KeyboardInterrupt\n"):
         return STOPPED
-    if error := _last_error(lines):
-        return error
-    if stopped := _place_of_stop(lines):
-        return f"stopped from outside, at its time limit or by hand, {stopped}"
     return "ended without a message: killed, or ran out of memory or time"
-
-
-def _lines(log: Path) -> list[str]:
-    return log.read_text(encoding="utf-8", errors="replace").splitlines()
-
-
-def _last_error(lines: Sequence[str]) -> str:
-    errors = [number for number, line in enumerate(lines) if " ERROR " in line]
-    if not errors:
-        return ""
-    first, *more = lines[errors[-1] :]
-    return "; ".join([first.partition(" ERROR ")[2], *more])
-
-
-def _place_of_stop(lines: Sequence[str]) -> str:
-    """First line of the stack that Python's faulthandler writes on a signal: `in FUNCTION, line N of FILE`."""
-    for header, line in itertools.pairwise(lines):
-        if header.endswith("(most recent call first):") and (
-            found := re.match(r'  File "(.+)", line (\d+) in (.+)', line)
-        ):
-            return f"in {found[3]}, line {found[2]} of {found[1]}"
-    return ""
 
 
 def certificate_of(path: str | Path) -> dict[str, Any]:
     """Content of a certificate; empty if the file is missing, damaged, or of a version without `schema`."""
     content = json_of(Path(path))
     return content if "schema" in content else {}
+
+
+def in_words(failure: Mapping[str, Any]) -> str:
+    """The reason of a failure, and what to do about it if that is known."""
+    remedy = failure.get("remedy")
+    return f"{failure['reason']} ({remedy})" if remedy else str(failure["reason"])
 
 
 def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -112,7 +92,9 @@ def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 
 def _row(mesh: Mapping[str, Any]) -> dict[str, Any]:
-    row = {column: value for column, value in mesh.items() if column not in ("certificate", "earlier")}
+    row = {column: value for column, value in mesh.items() if column not in ("certificate", "earlier", "remedy")}
+    if "reason" in row:
+        row["reason"] = in_words(mesh)
     if "certificate" in mesh:
         content = certificate_of(mesh["certificate"])
         if not content["certified"]:

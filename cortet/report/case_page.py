@@ -32,7 +32,6 @@ DOES = {
     "volumes": "reads the volumes around the mesh",
 }
 #: remedy of a job that left no message
-_KILLED = "give the job more memory or time, and run again"
 _READ_LOG = "read the log; it holds every line the job printed"
 _NOT_FINITE = "cortet cannot draw the surface, because its coordinates are not finite."
 NOTHING: Mapping[str, str] = MappingProxyType({})
@@ -105,16 +104,16 @@ def write_failure_page(
     Parameters
     ----------
     name : name of the case
-    failure : `stage` that failed, `state`, `reason`; `problem` and `remedy` unless the job was killed; `log` and
-        `earlier`, the folder of results that are out of date, if there are any
+    failure : `stage` that failed, `state`, `reason`; `remedy`, `log` and `earlier`, the folder of results that are
+        out of date, if there are any
     surface : the input surface; None if it cannot be read, and `trouble` says why
     facts, cohort : as in `write_case_page`
     """
     does = DOES.get(failure["stage"], "")
     story = {
         "At stage": f"`{failure['stage']}`" + (f": {does}" if does else ""),
-        "Reason": failure.get("problem") or failure["reason"],
-        "What to do": failure.get("remedy") or (_READ_LOG if failure.get("problem") else _KILLED),
+        "Reason": failure["reason"],
+        "What to do": failure.get("remedy") or _READ_LOG,
         **({"Log of the job": f"`{failure['log']}`"} if failure.get("log") else {}),
         **({"Earlier results": f"`{failure['earlier']}`"} if failure.get("earlier") else {}),
     }

@@ -163,27 +163,20 @@ def marked(tmp_path: Path, *words: str, column: str = "fold") -> list[Case]:
     return read_sheet(sheet(tmp_path, *rows, extra=f"\t{column}"))
 
 
-def test_a_column_of_the_sheet_may_choose_cases(tmp_path):
-    cases = marked(tmp_path, "yes", "no", "TRUE", "0", column="simulated")
-    assert chosen(cases, {"column": "simulated"}) == [cases[0], cases[2]] == folded(cases, {"column": "simulated"})
-    with pytest.raises(InputError, match="column fold"):
-        chosen(cases, {"column": "fold"})
-    with pytest.raises(InputError, match="column fold of sub-a1_ses-01_hemi-L: 'maybe'"):
-        chosen(marked(tmp_path, "yes", "maybe"), {"column": "fold"})
-
-
 def test_the_column_fold_says_what_is_folded_where_the_configuration_does_not(tmp_path):
     cases = marked(tmp_path, "yes", "no", "n/a")
     assert folded(cases, None) == cases[:1], "as in BIDS, n/a says nothing"
     assert folded(cases, "all") == cases and folded(cases, []) == []
     assert folded(marked(tmp_path, "3T", "7T", column="scanner"), None) == []
+    with pytest.raises(InputError, match="column fold of sub-a1_ses-01_hemi-L: 'maybe'"):
+        folded(marked(tmp_path, "yes", "maybe"), None)
 
 
 def test_a_case_without_an_age_is_told_and_not_folded(tmp_path):
     rows = (GOOD + "\tyes", GOOD.replace("007", "008").replace("27.5", "n/a") + "\tyes")
     old, ageless = read_sheet(sheet(tmp_path, *rows, extra="\tfold"))
     assert folded([old, ageless], "all") == [old] and folded([ageless, old], 2) == [old]
-    for which in (None, [ageless.name], {"column": "fold"}):
+    for which in (None, [ageless.name]):
         with pytest.raises(InputError, match="sub-008_ses-01_hemi-L: .* age is unknown"):
             folded([old, ageless], which)
     (notice,) = ageless_notice([old, ageless], smoothed=True, folded=True)

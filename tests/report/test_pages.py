@@ -29,8 +29,7 @@ HOSTILE = '</script><script>alert(1)</script><img src=x onerror=alert(2)> & "quo
 FAILURE = {
     "stage": "gate",
     "state": "failed",
-    "reason": f"a.gii: {HOSTILE} (close it (all of it))",
-    "problem": f"a.gii: {HOSTILE}",
+    "reason": f"a.gii: {HOSTILE}",
     "remedy": "close it (all of it)",
     "log": "logs/a.log",
 }
