@@ -53,13 +53,18 @@ class Failure:
         return all(self.wildcards.get(key, str(value)) == str(value) for key, value in wildcards.items())
 
 
-def failures(output: Path) -> list[Failure]:
-    """Jobs below an output folder that did not succeed when they last ran, by the order of the line."""
+def failures(output: Path, *, ended: bool = True) -> list[Failure]:
+    """Jobs below an output folder that did not succeed when they last ran, by the order of the line.
+
+    Parameters
+    ----------
+    ended : whether no job is running now; if one may be, only those count that said why they failed
+    """
     found = []
     for path in sorted((output / "logs").rglob("*.failure.json")):
         told, log = json_of(path), path.with_name(path.name.replace(".failure.json", ".log"))
-        if told.get("stage") in ORDER:
-            has_word = "reason" in told
+        has_word = "reason" in told
+        if told.get("stage") in ORDER and (ended or has_word):
             reason = told["reason"] if has_word else failure_reason(log)
             remedy = (told["remedy"] or "") if has_word else _AFTER_A_KILL
             if reason != STOPPED:
@@ -67,9 +72,9 @@ def failures(output: Path) -> list[Failure]:
     return sorted(found, key=lambda failure: ORDER.index(failure.rule))
 
 
-def with_failures(plan: Plan) -> Plan:
+def with_failures(plan: Plan, *, ended: bool = True) -> Plan:
     """The plan, with what its output folder says of meshes and files that are missing."""
-    found = failures(Path(plan.layout.output))
+    found = failures(Path(plan.layout.output), ended=ended)
     by_case: dict[str, list[Failure]] = {}
     for failure in found:
         by_case.setdefault(failure.wildcards.get("case", ""), []).append(failure)
