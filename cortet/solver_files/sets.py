@@ -28,6 +28,8 @@ from cortet.meshes import AROUND, BRAIN, REGION, IntArray, MeshSets, TetMesh, is
 
 #: names of the sets of layers begin so
 LAYER = "layer_"
+#: field of tetrahedra: number of the layer, 0 in none. Formats without sets of tetrahedra have it
+LAYER_NUMBER = "layer"
 #: some solvers refuse longer names
 _LONGEST_NAME = 80
 
@@ -137,9 +139,10 @@ def with_layers(mesh: TetMesh, inner: Sequence[str], layers: Sequence[float]) ->
     sets = {
         f"{LAYER}{number}": np.flatnonzero(found.number == number).astype(np.int32) for number in range(1, len(bounds))
     }
-    _require_free({**mesh.point_data, **mesh.cell_data}, found.of_nodes, "field")
-    of_nodes, of_cells = {**mesh.point_data, **found.of_nodes}, {**mesh.cell_data, **found.of_cells}
-    return replace(mesh, point_data=of_nodes, cell_data=of_cells), sets
+    of_cells = {**found.of_cells, LAYER_NUMBER: found.number}
+    _require_free({**mesh.point_data, **mesh.cell_data}, of_cells, "field")
+    fields = {"point_data": {**mesh.point_data, **found.of_nodes}, "cell_data": {**mesh.cell_data, **of_cells}}
+    return replace(mesh, **fields), sets
 
 
 def _require_free(names: Collection[str], layers: Collection[str], what: str) -> None:

@@ -327,7 +327,7 @@ def lame(core: tuple[float, float], shell: tuple[float, float], pressure: float)
 @pytest.mark.skipif(not shutil.which("ccx"), reason="CalculiX (calculix-ccx) is not installed")
 def test_calculix_finds_what_lame_found_for_a_soft_shell_around_a_stiff_ball(tmp_path):
     pair = nested(ball_surface(4, OUTER), {"white": ball_surface(4, INNER)})
-    balls = named_sets(surface_nodes_first(generate(pair, cell_size=1.6)[0])[0], inner=["white"])
+    balls = named_sets(surface_nodes_first(generate(pair, cell_size=1.6)[0])[0], inner=["white"], layers=[1, 1])
     core, shell, pressure = (1000.0, 0.3), (250.0, 0.35), 10.0
     abaqus.write(balls, tmp_path / "balls.inp")
     # six displacements that hold the body without a force, as the pressure has none
@@ -337,7 +337,8 @@ def test_calculix_finds_what_lame_found_for_a_soft_shell_around_a_stiff_ball(tmp
     lines = [
         "*INCLUDE, INPUT=balls.inp",
         *(f"*MATERIAL, NAME={name}\n*ELASTIC\n{e}, {nu}" for name, (e, nu) in (("grey", shell), ("white", core))),
-        "*SOLID SECTION, ELSET=cortex, MATERIAL=grey",
+        "*SOLID SECTION, ELSET=layer_1, MATERIAL=grey",
+        "*SOLID SECTION, ELSET=layer_2, MATERIAL=grey",
         "*SOLID SECTION, ELSET=core, MATERIAL=white",
         "*STEP\n*STATIC",
         f"*BOUNDARY\n{centre}, 1, 3\n{along_x}, 2, 3\n{along_y}, 3, 3",
