@@ -109,7 +109,7 @@ class Progress:
         self.failed = True
         if job.rule in _EXPORTS and job.mesh in self.uncertified:
             return ""
-        return f"failed: {job.mesh or job.rule} in {job.rule}: {why}" + (f"\n  more in {log}" if log else "")
+        return f"failed: {job.mesh or job.rule} in {job.rule}: {why}" + (f"\n  more in {shown(log)}" if log else "")
 
     def live(self) -> str:
         """What is running now."""
@@ -148,6 +148,11 @@ def reason(log: str) -> str | None:
         return "it left no word; see its log"
     told = str(story.get("reason", "ended without a message: killed, or ran out of memory or time"))
     return f"{told} ({story['remedy']})" if story.get("remedy") else told
+
+
+def shown(path: str) -> str:
+    """A file as the user finds it: `cortet run` works in a folder of its own, from which names begin with dots."""
+    return str(Path(path).resolve()) if path.startswith("..") else path
 
 
 def end_older_timers() -> None:

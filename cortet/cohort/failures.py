@@ -83,7 +83,8 @@ def with_failures(plan: Plan, *, ended: bool = True) -> Plan:
         if state := _state(plan, mesh, certificate, by_case.get(mesh[0], [])):
             # the surface of a case that failed is missing, else its results would be outdated
             kept = state["state"] == "failed" and state["stage"] not in AFTER_CERTIFICATE and certificate.exists()
-            last = {"earlier": str(certificate.parent)} if kept else earlier_results(plan, plan.cases[mesh[0]])
+            folder = certificate.parent if kept else earlier_results(plan, plan.cases[mesh[0]])
+            last = {"earlier": _inside(plan, folder)} if folder else {}
             known[mesh] = state | last
     return replace(plan, failures=known, failed=found)
 
@@ -94,7 +95,7 @@ def _state(plan: Plan, mesh: Mesh, certificate: Path, of_case: Sequence[Failure]
     for one in of_case:
         if one.is_about(res=job["res"], mesher=job["mesher"], setting="") and _counts(plan, job, certificate, one):
             words = {"reason": one.reason, "remedy": one.remedy}
-            return {"stage": one.rule, "state": "failed", **words, "log": str(one.log)}
+            return {"stage": one.rule, "state": "failed", **words, "log": _inside(plan, one.log)}
     reason = "the run ended before this case was done"
     if stage := first_other_stage(plan, mesh):
         again = f"`snakemake --forcerun {_rule_of(stage)}` remakes it"
@@ -107,6 +108,11 @@ def _state(plan: Plan, mesh: Mesh, certificate: Path, of_case: Sequence[Failure]
     else:
         return None
     return {"stage": stage, "state": "unfinished", "reason": reason}
+
+
+def _inside(plan: Plan, path: Path) -> str:
+    """The name of a file or folder from the output folder, from wherever the run was started."""
+    return path.relative_to(plan.layout.output).as_posix()
 
 
 def made_otherwise(plan: Plan) -> dict[str, int]:

@@ -36,13 +36,13 @@ def set_aside(plan: Plan, *, dropped: bool = False) -> list[str]:
 
     Returns
     -------
-    What moved, in sentences.
+    What moved, in sentences that name folders of the output folder.
     """
-    told = []
+    told, output = [], Path(plan.layout.output)
 
     def move(case: Case, why: str, entries: Iterable[Path]) -> None:
-        if moved := _move(Path(plan.layout.output) / case.folder, entries):
-            told.append(f"{case.name}: {why}, so cortet moved its earlier results to {moved}")
+        if moved := _move(output / case.folder, entries):
+            told.append(f"{case.name}: {why}, so cortet moved its earlier results to {moved.relative_to(output)}")
 
     for case in plan.cases.values():
         job = {"folder": case.folder, "case": case.name, "res": "any"}
@@ -61,15 +61,16 @@ def set_aside(plan: Plan, *, dropped: bool = False) -> list[str]:
     for name, folder in _without_row(plan):
         if dropped or name in excluded:
             left = (path for begin in ("res-", "desc-") for path in folder.glob(f"*/{name}_{begin}*"))
-            moved = _move(folder, (path for path in left if path.parent.name != "anat"))
-            told.append(f"{name}: the sheet does not include it, so cortet moved its results to {moved}")
+            if moved := _move(folder, (path for path in left if path.parent.name != "anat")):
+                place = moved.relative_to(output)
+                told.append(f"{name}: the sheet does not include it, so cortet moved its results to {place}")
     return told
 
 
-def earlier_results(plan: Plan, case: Case) -> dict[str, str]:
-    """The entry `earlier` of a state: the folder with outdated results of a case; empty if it has none."""
+def earlier_results(plan: Plan, case: Case) -> Path | None:
+    """The folder with outdated results of a case; None if it has none."""
     folder = Path(plan.layout.output) / case.folder / FOLDER
-    return {"earlier": str(folder)} if any(folder.glob(f"*/{case.name}_*")) else {}
+    return folder if any(folder.glob(f"*/{case.name}_*")) else None
 
 
 def first_other_stage(plan: Plan, mesh: Mesh) -> str | None:

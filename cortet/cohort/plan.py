@@ -138,7 +138,7 @@ class Plan(Jobs):
     def status(self) -> list[dict[str, Any]]:
         """The columns of the status table that are known of each mesh and each excluded row.
 
-        In addition, the path of the `certificate`, if the mesh is measured, and that of `earlier`, outdated, results.
+        In addition, the path of the `certificate` of a measured mesh, and `earlier`, the folder of outdated results.
         """
         rows = []
         for mesh, certificate in self.each_case(self.layout.certificate).items():

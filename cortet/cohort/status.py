@@ -33,7 +33,7 @@ COLUMNS = (
         heading="State",
     ),
     Column("reason", "Why the case is not certified; for a certified case, remarks"),
-    Column("log", "Log of the job that failed"),
+    Column("log", "Log of the job that failed, in the output folder"),
 )
 
 

@@ -114,8 +114,8 @@ def write_failure_page(
         "At stage": f"`{failure['stage']}`" + (f": {does}" if does else ""),
         "Reason": failure["reason"],
         "What to do": failure.get("remedy") or _READ_LOG,
-        **({"Log of the job": f"`{failure['log']}`"} if failure.get("log") else {}),
-        **({"Earlier results": f"`{failure['earlier']}`"} if failure.get("earlier") else {}),
+        **({"Log of the job, in the output folder": f"`{failure['log']}`"} if failure.get("log") else {}),
+        **({"Earlier results, in the output folder": f"`{failure['earlier']}`"} if failure.get("earlier") else {}),
     }
     pages.write(
         path,

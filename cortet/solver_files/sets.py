@@ -139,10 +139,10 @@ def with_layers(mesh: TetMesh, inner: Sequence[str], layers: Sequence[float]) ->
     sets = {
         f"{LAYER}{number}": np.flatnonzero(found.number == number).astype(np.int32) for number in range(1, len(bounds))
     }
-    of_cells = {**found.of_cells, LAYER_NUMBER: found.number}
-    _require_free({**mesh.point_data, **mesh.cell_data}, of_cells, "field")
-    fields = {"point_data": {**mesh.point_data, **found.of_nodes}, "cell_data": {**mesh.cell_data, **of_cells}}
-    return replace(mesh, **fields), sets
+    _require_free({**mesh.point_data, **mesh.cell_data}, [*found.of_cells, LAYER_NUMBER], "field")
+    of_nodes = {**mesh.point_data, **found.of_nodes}
+    of_cells = {**mesh.cell_data, **found.of_cells, LAYER_NUMBER: found.number}
+    return replace(mesh, point_data=of_nodes, cell_data=of_cells), sets
 
 
 def _require_free(names: Collection[str], layers: Collection[str], what: str) -> None:

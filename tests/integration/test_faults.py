@@ -214,5 +214,5 @@ def test_a_case_that_hangs_and_a_surface_that_was_cut_off_fail_and_the_others_st
     }
     assert "as GIfTI" in status["b"]["reason"] and "b.surf.gii" in status["b"]["reason"]
     assert "took longer than 0:00:12" in status["hangs"]["reason"]
-    assert "write_json" in (study.folder / status["hangs"]["log"]).read_text()  # where it was
+    assert "write_json" in (study.outputs / status["hangs"]["log"]).read_text()  # where it was
     assert sums(study.folder, "sub-a*") == before

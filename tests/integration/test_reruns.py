@@ -203,8 +203,7 @@ def test_bad_cases_do_not_stop_the_others_and_nothing_of_an_earlier_run_passes_f
     assert {status[name]["stage"] for name in ("double", "truncated", "missing")} == {"gate"}
     assert "2 separate pieces" in status["double"]["reason"]
     assert "surfaces/missing.surf.gii" in status["missing"]["reason"]
-    assert (study.folder / status["double"]["log"]).exists()
-    failure = json.loads((study.folder / status["double"]["log"]).with_suffix(".failure.json").read_text())
+    failure = json.loads((study.outputs / status["double"]["log"]).with_suffix(".failure.json").read_text())
     assert failure["stage"] == "gate" and "2 separate pieces" in failure["reason"] and failure["remedy"]
     assert "6 cases: 2 certified, 4 failed" in study.said
     assert study.results("b") == {"report.html", "thumbnail.webp"}, "of its failure"
