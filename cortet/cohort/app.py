@@ -111,7 +111,7 @@ def write_workflow(folder: Path) -> list[Path]:
     """Write into a new or empty folder what plain `snakemake` needs there, and return the files."""
     if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
         raise InputError("is not empty", file=folder, remedy="name an empty or a new folder")
-    profiles = (Path("profiles/default/profile.v9+.yaml"), Path("profiles/slurm/config.yaml"))
+    profiles = (Path("profiles/default/config.yaml"), Path("profiles/slurm/config.yaml"))
     config = (workflow() / "config.yaml").read_text(encoding="utf-8")
     texts = {
         Path("Snakefile"): _SNAKEFILE,
