@@ -21,6 +21,8 @@ from cortet.formats.ownership import files_of, json_of
 FOLDER = "outdated"
 #: end of the name of a certificate
 _CERTIFICATE = "Solver_certificate.json"
+#: ends of the names of what a mesh has that failed
+_OF_FAILURE = ("Solver_report.html", "Solver_thumbnail.webp")
 
 
 def set_aside(plan: Plan, *, dropped: bool = False) -> list[str]:
@@ -111,9 +113,10 @@ def _is_older(file: Path, certificate: Path) -> bool:
 
 
 def _made_with(certificate: Path) -> list[Path]:
-    """The mesh of a certificate, and what was made of it: exports, page, folds."""
+    """The mesh of a certificate, and what was made of it: exports, page, folds; not the page of a failure alone."""
     folder, stem = certificate.parents[1], certificate.name.removesuffix(_CERTIFICATE)
-    return [path for label in ("Solver", "Folded") for path in folder.glob(f"*/{stem}{label}*")]
+    found = [path for label in ("Solver", "Folded") for path in folder.glob(f"*/{stem}{label}*")]
+    return [] if all(path.name.endswith(_OF_FAILURE) for path in found) else found
 
 
 def _with_companions(files: Iterable[Path]) -> list[Path]:

@@ -213,6 +213,8 @@ def test_bad_cases_do_not_stop_the_others_and_nothing_of_an_earlier_run_passes_f
     assert "sub-b/outdated" in page.read_text() and "sub-b/outdated" in status["b"]["reason"]
     assert "sub-b" not in (study.outputs / "cohort/cohort_quality.tsv").read_text()
 
+    study.run("meshes")
+    assert not [*study.outputs.glob("sub-double/outdated")], "the page of a failure is no earlier result"
     write_surface(surface(3), study.folder / "surfaces/double.surf.gii")
     write_surface(surface(1), became_bad)
     cases = [case for case in study.cases() if case.participant not in ("truncated", "missing")]
