@@ -14,7 +14,7 @@ FOLD = "fold"
 _MOST_NAMES = 5
 
 
-def chosen(cases: Sequence[Case], which: Cases) -> list[Case]:
+def chosen(cases: Sequence[Case], which: Cases | Mapping[str, str]) -> list[Case]:
     """Some of the cases: all, those that are named, a number of them spread evenly over the order of ages, or those for
     which a column says yes.
     """
@@ -35,7 +35,7 @@ def chosen(cases: Sequence[Case], which: Cases) -> list[Case]:
     return [known[name] for name in which]
 
 
-def folded(cases: Sequence[Case], which: Cases | None) -> list[Case]:
+def folded(cases: Sequence[Case], which: Cases | Mapping[str, str] | None) -> list[Case]:
     """The cases that are folded: the configuration chooses them, or else the column `fold` if there is one.
 
     A fold starts at an age, so cases without an age are skipped unless they are asked for by name or column.
