@@ -2,21 +2,7 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Iterable
-from typing import ParamSpec, TypeVar
-
-P = ParamSpec("P")
-R = TypeVar("R")
-
-#: most characters of a message, because a value may be as long as the file that it is in
-_LONGEST = 10_000
-
-
-def _shortened(text: str) -> str:
-    if len(text) <= _LONGEST:
-        return text
-    return f"{text[: _LONGEST // 2]} [... {len(text) - _LONGEST:,} characters ...] {text[-_LONGEST // 2 :]}"
+from collections.abc import Iterable
 
 
 class CortetError(Exception):
@@ -24,15 +10,14 @@ class CortetError(Exception):
 
     Parameters
     ----------
-    what : the finding, with the offending value; if it is very long, only its beginning and end are kept
+    what : the finding, with the offending value
     file : the file (and, for tables, line and column) where it was found
-    remedy : what to do about it, shortened likewise
+    remedy : what to do about it
     """
 
     def __init__(self, what: str, *, file: object = None, remedy: str | None = None) -> None:
-        what, remedy = _shortened(what), remedy and _shortened(remedy)
         self.what, self.file, self.remedy = what, file, remedy
-        place = f"{_shortened(str(file))}: " if file is not None else ""
+        place = f"{file}: " if file is not None else ""
         hint = f" ({remedy})" if remedy else ""
         super().__init__(f"{place}{what}{hint}")
 
@@ -58,19 +43,6 @@ class DamagedFileError(InputError):
 
 class StageError(CortetError):
     """A stage could not produce a valid result from valid input."""
-
-
-def short_traceback(call: Callable[P, R]) -> Callable[P, R]:
-    """A public call whose `CortetError` comes without the frames inside cortet: its message is all that helps."""
-
-    @functools.wraps(call)
-    def called(*args: P.args, **kwargs: P.kwargs) -> R:
-        try:
-            return call(*args, **kwargs)
-        except CortetError as error:
-            raise error.with_traceback(None) from None
-
-    return called
 
 
 def place_mm(point: Iterable[float]) -> str:

@@ -6,7 +6,7 @@ existing one are read-only. `cortet.geometry.topology` derives quantities from t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -43,21 +43,19 @@ def require_indices(indices: NDArray[Any], count: int, what: str, of: str) -> No
         )
 
 
-def _frozen(array: Any, dtype: type, columns: int, name: str, check: Callable[[NDArray[Any]], None]) -> NDArray[Any]:
-    """A read-only, C-ordered (n, columns) array of `dtype`; an array that already is one is shared, not copied.
-
-    `check` gets the array before it is converted, because conversion wraps or truncates values that do not fit.
-    """
-    try:
-        given = np.asarray(array)
-    except ValueError as error:
-        raise InputError(f"cannot convert {name} to an array: {error}", remedy="give rows of equal length") from None
+def _rows(array: Any, columns: int, name: str) -> NDArray[Any]:
+    """An array (n, columns), not yet converted: conversion would wrap or truncate values that do not fit."""
+    given = np.asarray(array)
     if given.ndim != 2 or given.shape[1] != columns:
         raise InputError(
             f"{name} must have shape (n, {columns}), got {given.shape}", remedy=f"give {columns} numbers in each row"
         )
-    check(given)
-    result: NDArray[Any] = np.ascontiguousarray(given, dtype=dtype)
+    return given
+
+
+def _frozen(array: NDArray[Any], dtype: type | None = None) -> NDArray[Any]:
+    """A read-only, C-ordered array of `dtype`; an array that already is one is shared, not copied."""
+    result: NDArray[Any] = np.ascontiguousarray(array, dtype=dtype)
     if result.flags.writeable:
         if result is array:
             result = result.copy()
@@ -67,17 +65,17 @@ def _frozen(array: Any, dtype: type, columns: int, name: str, check: Callable[[N
 
 def _points(array: Any) -> FloatArray:
     """Coordinates (n, 3), frozen."""
-
-    def check(given: NDArray[Any]) -> None:
-        if given.dtype.kind not in "fiu":
-            raise InputError(f"points are of type {given.dtype}", remedy="give real numbers")
-
-    return _frozen(array, np.float64, 3, "points", check)
+    given = _rows(array, 3, "points")
+    if given.dtype.kind not in "fiu":
+        raise InputError(f"points are of type {given.dtype}", remedy="give real numbers")
+    return _frozen(given, np.float64)
 
 
 def _corners(array: Any, columns: int, name: str, count: int, what: str, of: str) -> IntArray:
     """Indices (m, columns) of `count` points, frozen."""
-    return _frozen(array, np.int32, columns, name, lambda given: require_indices(given, count, what, of))
+    given = _rows(array, columns, name)
+    require_indices(given, count, what, of)
+    return _frozen(given, np.int32)
 
 
 def _fields(fields: Mapping[str, Any], count: int, of: str) -> dict[str, NDArray[Any]]:
@@ -88,10 +86,7 @@ def _fields(fields: Mapping[str, Any], count: int, of: str) -> dict[str, NDArray
         if array.ndim == 0 or len(array) != count:
             what = f"field {name} has shape {array.shape}, which does not match the {count} {of}"
             raise InputError(what, remedy="give one value, or one row of values, for each")
-        if array.flags.writeable:
-            array = array.copy()
-            array.flags.writeable = False
-        result[name] = array
+        result[name] = _frozen(array)
     return result
 
 
@@ -191,13 +186,7 @@ def is_brain(region: str) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class TriSurface:
-    """A triangulated surface.
-
-    Raises
-    ------
-    InputError
-        an array has a shape or type other than below, or a triangle names a vertex that does not exist
-    """
+    """A triangulated surface."""
 
     #: (n, 3) float64, vertex coordinates in mm
     points: FloatArray
@@ -243,11 +232,6 @@ class TetMesh:
     """A tetrahedral mesh.
 
     Every mesh in memory has positive signed volumes, 0-based indices and no unused nodes.
-
-    Raises
-    ------
-    InputError
-        an array has a shape or type other than below, or a tetrahedron or set names something that does not exist
     """
 
     #: (n, 3) float64, node coordinates in mm

@@ -22,7 +22,6 @@ from cortet.meshes import TetMesh, TriSurface, region_names
 from cortet.solver_files.meshed import certificate_path, meshed_files
 from cortet.stages import (
     MESH_STAGES,
-    STAGES,
     Stage,
     arguments_of,
     certify_record,
@@ -78,20 +77,6 @@ class About(TypedDict, total=False):
     sphere_source: str | Path | None
 
 
-def stages(
-    config: Config, *, gestational_age: float | None, nested: bool = False, registered: bool = False
-) -> list[str]:
-    """Names of the stages that run; without a gestational age (weeks), the published smoothing does not.
-
-    Parameters
-    ----------
-    nested : whether there are inner surfaces
-    registered : whether there is a sphere
-    """
-    line = stages_of(config, nested=nested, registered=registered, aged=gestational_age is not None)
-    return [stage.name for stage in line]
-
-
 def run(surface: TriSurface, config: Config, **about: Unpack[About]) -> Iterator[Step]:
     """Run the line and yield every stage when it is complete.
 
@@ -103,10 +88,8 @@ def run(surface: TriSurface, config: Config, **about: Unpack[About]) -> Iterator
 
     Raises
     ------
-    InputError
-        a program that the line calls is not installed, the gate refuses the surface, or a parameter is out of range
-    StageError
-        a stage failed
+    InputError : a program that the line calls is not installed, or the gate refuses the surface
+    StageError : a stage failed
     """
     age, sphere, source = about.get("gestational_age"), about.get("sphere"), about.get("source")
     if config.smooth_surface.enabled and config.smooth_surface.method == "published" and age is None:
@@ -118,10 +101,6 @@ def run(surface: TriSurface, config: Config, **about: Unpack[About]) -> Iterator
         logger.warning(notice)
     to_mm, sphere_file = config.placement(), about.get("sphere_source")
     surface = placed(surface, to_mm)
-    if config.generate.sizes:
-        from cortet.meshers._sizes import require_sizes
-
-        require_sizes(config.generate.sizes, surface, config.generate.cell_size[0])
     if surface.inner:
         require_nesting(config)
     facts = {
@@ -134,9 +113,9 @@ def run(surface: TriSurface, config: Config, **about: Unpack[About]) -> Iterator
         "sphere_file": None if sphere_file is None else str(sphere_file),
         "hemisphere": about.get("hemisphere"),
     }
-    names = stages(config, gestational_age=age, nested=bool(surface.inner), registered=sphere is not None)
+    line = stages_of(config, nested=bool(surface.inner), registered=sphere is not None, aged=age is not None)
     given: dict[str, Any] = {"surface": nested(surface, surface.inner), "sphere": sphere}
-    yield from _through([STAGES[name] for name in names], given, config, facts, about.get("inner_sources") or {})
+    yield from _through(line, given, config, facts, about.get("inner_sources") or {})
 
 
 def _through(

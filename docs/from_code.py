@@ -111,7 +111,6 @@ class Parameters(SphinxDirective):
 
 
 def _described(model: type[Section], prefix: str, settings: dict[str, Any], *, deep: bool) -> Iterator[str]:
-    meanings = model.meanings()
     for key, info in model.model_fields.items():
         if isinstance(info.annotation, type) and issubclass(info.annotation, Section):
             below = {setting: values.get(key, {}) for setting, values in settings.items()}
@@ -123,7 +122,7 @@ def _described(model: type[Section], prefix: str, settings: dict[str, Any], *, d
         default = default.as_posix() if isinstance(default, Path) else default
         others = [f"`{setting}`: `{_plain(values[key])}`" for setting, values in settings.items() if key in values]
         yield f"````{{confval}} {prefix}{key}\n:type: {type_in_words(info)}\n:default: `{_plain(default)}`\n"
-        yield " ".join(meanings.get(key, "").split()) + "\n"
+        yield " ".join((info.description or "").split()) + "\n"
         yield f"In the setting {', '.join(others)}.\n" if others else ""
         yield "````\n"
 

@@ -10,6 +10,7 @@ The pictures of the gallery are `make gallery`.
 from __future__ import annotations
 
 import os
+import runpy
 import shutil
 import subprocess
 import sys
@@ -134,7 +135,7 @@ def one_surface() -> None:
 
 def head() -> None:
     """slices.png, as in docs/volumes.md."""
-    run("head", "--ga", 24, "-o", "head")
+    runpy.run_path(str(ROOT / "examples/head.py"))
     names = ("white", "ventricle1", "ventricle2", "thalamus")
     inner = [word for name in names for word in ("--inner", f"{name}=head/{name}.surf.gii")]
     given = ("mesh", "head/pial.surf.gii", *inner, "--volume", "tissue=head/dseg.nii.gz")

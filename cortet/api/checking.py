@@ -11,8 +11,6 @@ from cortet.api.files import NO_FILES, filling, known_size
 from cortet.api.given import Settings, SurfaceLike, sections, surface
 from cortet.api.meshing import Mesh
 from cortet.config import load
-from cortet.errors import short_traceback
-from cortet.formats.gifti import read_surface
 from cortet.formats.placement import placed
 from cortet.measure.certify import Certificate
 from cortet.measure.certify import certify as checked
@@ -22,7 +20,6 @@ from cortet.stages.repair import repair as mended
 from cortet.stages.separate import separate
 
 
-@short_traceback
 def certify(
     made: TetMesh | Mesh | str | Path,
     shape: SurfaceLike | None = None,
@@ -47,10 +44,6 @@ def certify(
     Returns
     -------
     `checks`, each a number beside its limit, and what follows from them: `certified`, `reasons`
-
-    Raises
-    ------
-    InputError : the mesh or the surface cannot be read, or a setting is impossible
 
     Examples
     --------
@@ -82,7 +75,6 @@ def _layers_of(made: TetMesh | Mesh | str | Path) -> Sequence[float] | None:
     return None if isinstance(made, TetMesh) else made.config.export.layers
 
 
-@short_traceback
 def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSurface, dict[str, Any]]:
     """Repair a surface that is open, not manifold, turned inside out or crosses itself.
 
@@ -106,8 +98,9 @@ def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSur
     >>> len(closed.faces) == len(sound.faces)
     True
     """
-    given = read_surface(shape, finite=False) if isinstance(shape, str | Path) else surface(shape)
+    given = surface(shape, finite=False)
     config = load(settings if settings is not None else {"repair": {"enabled": True}})
     in_mm = placed(given, config.placement())
-    result, report = mended(in_mm, config.repair, source=None, allow_genus=config.gate.allow_genus)
+    source = str(shape) if isinstance(shape, str | Path) else None
+    result, report = mended(in_mm, config.repair, source=source, allow_genus=config.gate.allow_genus)
     return result, asdict(report)

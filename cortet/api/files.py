@@ -13,7 +13,7 @@ import numpy as np
 from cortet.api.given import Settings, SurfaceLike, sections, surface
 from cortet.api.meshing import Mesh, teller, tetrahedra
 from cortet.config import load
-from cortet.errors import InputError, short_traceback
+from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
 from cortet.formats.ownership import guarded
 from cortet.geometry.filling import require_body
@@ -35,7 +35,6 @@ NO_FILES: Mapping[str, str | Path] = MappingProxyType({})
 _ELSEWHERE = 0.25
 
 
-@short_traceback
 def read(path: str | Path, shape: SurfaceLike | None = None, cell_size: float | None = None) -> Mesh:
     """A mesh from a file of any format, checked against the surface that it fills.
 
@@ -68,7 +67,6 @@ def read(path: str | Path, shape: SurfaceLike | None = None, cell_size: float | 
     return _known(Mesh(mesh, certificate, filled, config=config), file, source)
 
 
-@short_traceback
 def improve(
     made: TetMesh | Mesh | str | Path,
     shape: SurfaceLike | None = None,
@@ -119,7 +117,6 @@ def improve(
     return _known(Mesh(*found, config=config), made if isinstance(made, TetMesh | Mesh) else Path(made), source)
 
 
-@short_traceback
 def convert(source: str | Path, target: str | Path, *, force: bool = False) -> list[str]:
     """Write a mesh file in another format, which the ending of `target` names.
 

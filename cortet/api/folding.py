@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -12,24 +12,24 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.api.given import Later, SurfaceLike, require_hemisphere, surface
+from cortet.api.given import SurfaceLike, require_hemisphere, surface
 from cortet.api.meshing import Mesh, image, say, tetrahedra
 from cortet.config import load
-from cortet.errors import InputError, UsageError, short_traceback
+from cortet.errors import InputError, UsageError
+from cortet.formats.ownership import may_write
 from cortet.geometry.limits import FOLD_AGES, require_within
 from cortet.meshes import TetMesh, region_names
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from cortet.config.fold import Fold
     from cortet.folding import surface_growth
-else:
-    pd, surface_growth = Later("pandas"), Later("cortet.folding.surface_growth")
+    from cortet.solver_files.surface_map import SurfaceMap
 
 __all__ = ["Folded", "fold", "growth"]
 
 
-@short_traceback
 def growth(
     early: SurfaceLike,
     later: SurfaceLike,
@@ -84,6 +84,8 @@ class Folded:
     table: pd.DataFrame
     folder: Path
     hemi: Literal["L", "R"] | None
+    #: week of `fold.surfaces` -> files of the folded cortex, as `folding.measures.surface_files`
+    surfaces: Mapping[float, Mapping[str, Path]] = field(default_factory=dict)
     #: if the user named no folder: removes it once the fold is no longer used
     _keeper: Any = field(default=None, repr=False)
 
@@ -114,7 +116,6 @@ class Folded:
         return f"<p>{html.escape(self.verdict['reason'])}</p>{image(self.plot())}"
 
 
-@short_traceback
 def fold(
     made: TetMesh | Mesh | str | Path,
     ga: float | None = None,
@@ -132,7 +133,7 @@ def fold(
     ga : gestational age of the mesh, weeks; None: the age given when it was made, which the sidecar of a file records
     hemi : "L" or "R" for half a brain; None: that of the mesh, or of its sidecar
     folder : gets table and frames, and a run that was killed continues there; None: one that is deleted with the result
-    settings : keys of the section `fold`: end, thickness, model, ...
+    settings : keys of the section `fold`: end, thickness, model, ...; `surfaces` only for the file of a mesh
 
     Returns
     -------
@@ -151,7 +152,9 @@ def fold(
     import pandas as pd
 
     from cortet.config.fold import Settings
+    from cortet.folding.fold import SAME_AGE
     from cortet.folding.fold import fold as folded
+    from cortet.folding.folded_surface import write_surfaces
     from cortet.folding.journal import TABLE, per_percent
     from cortet.folding.plausible import brain_of, refuse_space_around, require_same_brain
     from cortet.formats.tsv import read_tsv
@@ -166,18 +169,51 @@ def fold(
         ga, hemi = made.ga if ga is None else ga, hemi or made.hemi
     elif isinstance(made, str | Path):
         ga, hemi = brain_of(Path(made), ga, hemi)
-    chosen = load({"fold": settings}).fold.values()
+    chosen = load({"fold": settings}).fold
     if ga is None:
-        raise InputError("the gestational age of the mesh is not known", remedy="give ga, in weeks")
+        raise InputError("the gestational age of the mesh is not known", remedy="give ga (--ga), in weeks")
     keeper = tempfile.TemporaryDirectory(prefix="cortet-fold-") if folder is None else None
     place = Path(keeper.name if keeper else folder or "")
     if place.exists() and not place.is_dir():
         raise InputError("is a file", file=place, remedy="give the name of a folder")
-    values = {**chosen, "gestational_age": ga, "hemisphere": hemi}
+    home = _home(made, mesh, place, chosen, ga) if chosen.surfaces else None
+    values = {**chosen.values(), "gestational_age": ga, "hemisphere": hemi}
     speak = progress if callable(progress) else per_percent(say)
     regions = (*values["core_regions"], *values["region_stiffness"], *values["region_relaxation"])
     if isinstance(made, Mesh) and any(isinstance(region, str) for region in regions):
         mesh = made.named()
-    verdict = folded(mesh, place, Settings(**values), speak if progress else None)
+    told = (speak, say) if progress else ()
+    verdict = folded(mesh, place, Settings(**values), *told)
     table = read_tsv(place / TABLE).apply(pd.to_numeric, errors="coerce")
-    return Folded(asdict(verdict), table, place, hemi, keeper)
+    written: dict[float, dict[str, Path]] = {}
+    if home is not None:
+        found, like, weeks = home
+        written = {week: files for week, files in weeks.items() if week <= verdict.gestational_age + SAME_AGE}
+        for week, files in written.items():
+            write_surfaces(place, week, found, files, like=like, hemi=hemi)
+    return Folded(asdict(verdict), table, place, hemi, written, keeper)
+
+
+def _home(
+    made: Any, mesh: TetMesh, folder: Path, settings: Fold, ga: float
+) -> tuple[SurfaceMap, Path, dict[float, dict[str, Path]]]:
+    """The map from a mesh to its native surface, the file of that, and week -> files of the folded surface."""
+    from cortet.folding.measures import surface_files, weeks_of
+    from cortet.formats.gifti import kind_of
+    from cortet.solver_files.surface_map import map_of_file
+
+    if not isinstance(made, str | Path):
+        what = "fold.surfaces needs the file of a mesh, whose sidecar names the native surface"
+        raise InputError(what, remedy="save the mesh, and fold the file")
+    weeks = weeks_of(settings.surfaces, ga, settings.end)
+    if missed := sorted({*settings.surfaces} - {*weeks}):
+        raise InputError(
+            f"the fold goes from {ga:g} to {settings.end:g} weeks, not to {missed[0]:g}",
+            file=made,
+            remedy="name weeks between them in fold.surfaces, or another fold.end",
+        )
+    found, like, _ = map_of_file(Path(made), mesh)
+    files = {week: surface_files(folder, Path(made).stem, week, kind_of(like)) for week in weeks}
+    for path in [path for some in files.values() for path in some.values()]:
+        may_write(path)  # before the work
+    return found, like, files

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cortet.config import load, read
-from cortet.errors import InputError, short_traceback
+from cortet.errors import InputError
 from cortet.formats.gifti import read_surface, surface_of
 from cortet.geometry.limits import NAME
 from cortet.meshes import TriSurface
-from cortet.solver_files.fields import require_finite
 
 #: a file of any readable format, `TriSurface`, NiBabel's `GiftiImage`, PyVista's `PolyData`, trimesh's `Trimesh`,
 #: or vertices (n, 3) in mm and faces (m, 3)
@@ -26,26 +23,12 @@ SurfaceLike = Any
 Settings = str | Path | Mapping[str, Any]
 
 
-class Later(ModuleType):
-    """A library that loads when something of it is asked for, as `typing.get_type_hints` does for annotations."""
-
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):
-            raise AttributeError(name)
-        return getattr(import_module(self.__name__), name)
-
-
 def values_of(given: ArrayLike, what: str = "values") -> NDArray[Any]:
     """Numbers or labels, one or several for each place: (n,) or (n, k); masked numbers are NaN."""
     try:
-        if isinstance(given, np.ma.MaskedArray):
-            if np.issubdtype(given.dtype, np.integer):
-                _require_unmasked(given, what)
-            else:
-                given = np.ma.filled(np.ma.asarray(given, np.float64), np.nan)
-        values = np.asarray(given)
+        values = np.asarray(np.ma.filled(given, np.nan))
         values = values.astype(np.float64) if values.dtype == object else values
-    except (TypeError, ValueError) as error:  # rows of several lengths, or things without a number
+    except (TypeError, ValueError) as error:  # rows of several lengths, no numbers, or masked labels
         what = f"{what}: not all values are numbers: {error}"
         raise InputError(what, remedy="give numbers, (n,) or (n, k)") from error
     if values.dtype.kind not in "biuf" or values.ndim not in (1, 2):
@@ -55,7 +38,6 @@ def values_of(given: ArrayLike, what: str = "values") -> NDArray[Any]:
     return values
 
 
-@short_traceback
 def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
     """A surface from any object that holds one.
 
@@ -68,10 +50,6 @@ def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
     Returns
     -------
     `points` (n, 3) float64, as stored; `faces` (m, 3) int32; fields of the vertices, `point_data`
-
-    Raises
-    ------
-    InputError : it holds no triangles, hides some of its values, or is of an unknown kind
 
     Examples
     --------
@@ -87,9 +65,9 @@ def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
     if hasattr(shape, "regular_faces"):  # pyvista.PolyData
         return _of_polydata(shape)
     if hasattr(shape, "vertices") and hasattr(shape, "faces"):  # trimesh.Trimesh
-        return _of_arrays(shape.vertices, shape.faces)
+        return TriSurface(shape.vertices, shape.faces)
     if isinstance(shape, tuple | list) and len(shape) == 2:
-        return _of_arrays(*shape)
+        return TriSurface(*shape)
     raise InputError(
         f"an object of type {type(shape).__name__} is not a surface",
         remedy="give a file, a NiBabel image, a mesh of PyVista or trimesh, or vertices and faces",
@@ -98,9 +76,6 @@ def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
 
 def sections(settings: Settings | None, cell_size: float | None = None) -> dict[str, Any]:
     """The keys of a configuration by section, with the cell size, mm, if one is given."""
-    if not isinstance(settings, str | Path | Mapping | None):
-        what = f"an object of type {type(settings).__name__} is not valid for settings"
-        raise InputError(what, remedy='give a file, or keys by section: {"repair": {"enabled": True}}')
     if isinstance(settings, str | Path):
         load(settings)  # its errors name the file
         settings = read(Path(settings))
@@ -116,12 +91,6 @@ def require_hemisphere(hemi: Any) -> None:
         raise InputError(f"{hemi!r} is not a hemisphere", remedy='use "L", "R" or None')
 
 
-def require_named(given: Any, what: str) -> None:
-    """Raise InputError for things without names."""
-    if not isinstance(given, Mapping | None):
-        raise InputError(f"the {what} have no names", remedy=f"give a dictionary of {what} by name")
-
-
 def require_region_names(names: Iterable[Any]) -> None:
     """Raise InputError for names that no inner surface can have."""
     for name in names:
@@ -130,29 +99,9 @@ def require_region_names(names: Iterable[Any]) -> None:
             raise InputError(what, remedy="use letters and digits, a letter first")
 
 
-def require_fields(fields: Mapping[str, Any]) -> None:
-    """Raise InputError for fields that no file could hold, or values that no solver reads."""
-    for name, values in fields.items():
-        if not (isinstance(name, str) and re.fullmatch(r"\w[\w .-]*", name)):
-            raise InputError(f"{name!r} is not the name of a field", remedy="use letters, digits, _ and -")
-        require_finite(values_of(values, f"the field {name}"), f"the field {name}")
-
-
 def _of_polydata(shape: Any) -> TriSurface:
     if not shape.n_cells:
         raise InputError(f"the PolyData has {shape.n_points} points and no faces", remedy="give a mesh with triangles")
     if not shape.is_all_triangles:
         raise InputError("the PolyData has faces that are not triangles", remedy="call triangulate() on it first")
     return TriSurface(shape.points, shape.regular_faces, dict(shape.point_data))
-
-
-def _of_arrays(vertices: Any, faces: Any) -> TriSurface:
-    for name, values in (("the vertices", vertices), ("the faces", faces)):
-        _require_unmasked(values, name)
-    return TriSurface(vertices, faces)
-
-
-def _require_unmasked(values: Any, name: str) -> None:
-    """Raise InputError for a masked array with masked values, which `np.asarray` would unmask."""
-    if hidden := int(np.ma.getmaskarray(values).sum()) if isinstance(values, np.ma.MaskedArray) else 0:
-        raise InputError(f"{name}: {hidden} values are masked", remedy="replace the masked values with filled()")

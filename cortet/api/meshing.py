@@ -14,19 +14,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cortet.api.given import (
-    Later,
     Settings,
     SurfaceLike,
-    require_fields,
     require_hemisphere,
-    require_named,
     require_region_names,
     sections,
     surface,
     values_of,
 )
 from cortet.config import Config, load
-from cortet.errors import InputError, short_traceback
+from cortet.errors import InputError
 from cortet.formats import format_of, read_mesh
 from cortet.formats.atomic import recorded
 from cortet.formats.gifti import hemisphere_of, kind_of
@@ -43,17 +40,16 @@ from cortet.measure.certify import Certificate, with_remarks
 from cortet.measure.layers import require_layers
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, region_names, require_measurable
-from cortet.pipeline import About, Step, companions, mesh_surface
+from cortet.pipeline import Step, companions, mesh_surface
 from cortet.solver_files.export import export_made
 from cortet.solver_files.export import with_sets as with_named_sets
-from cortet.solver_files.fields import with_fields, with_q, without_q
+from cortet.solver_files.fields import require_finite, with_fields, with_q, without_q
 from cortet.solver_files.laminar import Laminar
 from cortet.solver_files.meshed import Origin, require_own_stem, write_meshed
 from cortet.solver_files.sidecar import CHANGED, changed_since, sidecar_path
 from cortet.solver_files.surface_map import SurfaceMap, surface_map
 from cortet.solver_files.volumes import (
     TISSUE_COLUMNS,
-    Background,
     backgrounds,
     label_names,
     read_volumes,
@@ -64,8 +60,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyvista
     from nibabel import spatialimages
-else:
-    pd, pyvista, spatialimages = map(Later, ("pandas", "pyvista", "nibabel.spatialimages"))
 
 #: width and height of the picture in a notebook, pixels
 _PICTURE = (640, 480)
@@ -86,8 +80,8 @@ class Mesh:
     inputs: tuple[Path, ...] = ()
     #: a row for each label of each volume, as `solver_files.volumes.TISSUE_COLUMNS`
     tissue_rows: tuple[Mapping[str, Any], ...] = ()
-    #: volume -> label -> name
-    label_names: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
+    #: its volumes, as they were read
+    volumes: Mapping[str, Volume] = field(default_factory=dict)
     #: region -> surface that was given, in mm, the outermost first
     native: Mapping[str, TriSurface] = field(default_factory=dict)
 
@@ -111,19 +105,6 @@ class Mesh:
         """Tetrahedra: (m, 4)."""
         return self.mesh.cells
 
-    #: the same by the words of the field
-    nodes, tetrahedra = points, cells
-
-    @property
-    def n_points(self) -> int:
-        """Number of nodes."""
-        return len(self.points)
-
-    @property
-    def n_cells(self) -> int:
-        """Number of tetrahedra."""
-        return len(self.cells)
-
     @property
     def volume(self) -> float:
         """Volume, mm³."""
@@ -139,7 +120,6 @@ class Mesh:
         """q of each tetrahedron, 0 for the regular one: (m,)."""
         return quality(self.points, self.cells)
 
-    @short_traceback
     def to_surface(
         self, values: ArrayLike, *, depth: float | tuple[float, float] | None = None, region: str | None = None
     ) -> NDArray[Any]:
@@ -158,7 +138,6 @@ class Mesh:
         """
         return self.surface_map(region).on_surface(values_of(values), depth)
 
-    @short_traceback
     def laminar_profile(
         self, values: ArrayLike, depths: Sequence[float], *, equivolumetric: bool = True, region: str | None = None
     ) -> NDArray[Any]:
@@ -183,9 +162,8 @@ class Mesh:
         >>> profile = head.laminar_profile(field, [0.1, 0.3, 0.5, 0.7, 0.9])
         """
         laminar, given = self._laminar(region, equivolumetric), values_of(values)
-        return np.stack([laminar.weights(depth).of(given) for depth in _depths(depths)], axis=1)
+        return np.stack([laminar.weights(depth).of(given) for depth in depths], axis=1)
 
-    @short_traceback
     def laminar_surfaces(
         self, depths: Sequence[float], *, equivolumetric: bool = True, region: str | None = "white"
     ) -> list[TriSurface]:
@@ -199,13 +177,12 @@ class Mesh:
         region : inside the surface whose vertices are moved along the columns
         """
         found, laminar = self.surface_map(region), self._laminar(region, equivolumetric)
-        native, every = replace(found.native, point_data={}), map(laminar.points, _depths(depths))
+        native, every = replace(found.native, point_data={}), map(laminar.points, depths)
         return [replace(native, points=np.where(np.isfinite(points), points, found.points)) for points in every]
 
     def _laminar(self, region: str | None, equivolumetric: bool) -> Laminar:
         return Laminar(self.surface_map(region), self.surface.inner, equivolumetric=equivolumetric)
 
-    @short_traceback
     def from_surface(self, values: ArrayLike, *, region: str | None = None) -> NDArray[Any]:
         """Values of the given surface, (v,) or (v, k), at the nodes: (n,) or (n, k), NaN inside.
 
@@ -295,9 +272,8 @@ class Mesh:
     def named(self) -> TetMesh:
         """The mesh with its named sets and the numbers of its regions, as files hold it."""
         sets = self.config.export.sets(self.origin.kind)
-        return with_named_sets(self.mesh, self.surface, self.origin, sets=sets, labels=self.label_names)[0]
+        return with_named_sets(self.mesh, self.surface, self.origin, sets=sets, labels=label_names(self.volumes))[0]
 
-    @short_traceback
     def save(self, path: str | Path, *, force: bool = False) -> Path:
         """Write the mesh in the format that the file's ending names, with its companions.
 
@@ -320,15 +296,8 @@ class Mesh:
                 file=path,
                 remedy="give force=True to write it anyway",
             )
-        try:
-            with guarded(self.inputs, files=[path], force=force):
-                write_files(self, path, force=force, uncertified=force)
-        except OSError as error:
-            what, remedy = (
-                f"cannot be written: {error.strerror or error}",
-                "use a writable folder with enough space",
-            )
-            raise InputError(what, file=path, remedy=remedy) from error
+        with guarded(self.inputs, files=[path], force=force):
+            write_files(self, path, force=force, uncertified=force)
         return path
 
     def __repr__(self) -> str:
@@ -345,7 +314,6 @@ class Mesh:
         return f"<p>{text}</p>{image(self.plot(_PICTURE))}{self.certificate._repr_html_()}"
 
 
-@short_traceback
 def mesh(
     shape: SurfaceLike,
     cell_size: float | None = None,
@@ -392,144 +360,73 @@ def mesh(
     >>> made.save("made.vtu").name
     'made.vtu'
     """
-    given = inputs(
-        shape,
-        load(sections(settings, cell_size)),
-        ga=ga,
-        hemi=hemi,
-        inner=inner,
-        fields=fields,
-        volumes=volumes,
-        sphere=sphere,
-    )
-    for one in given.background if progress is True else ():
-        say(one.sentence)
-    return given.mesh(teller(progress))
-
-
-@dataclass(frozen=True, eq=False)
-class Inputs:
-    """Everything that a mesh is made of, read and checked."""
-
-    #: with its fields and its inner surfaces, as given; and in mm
-    surface: TriSurface
-    in_mm: TriSurface
-    config: Config
-    origin: Origin
-    #: what else is known: files of the surface and of its inner surfaces, and its sphere
-    about: About
-    volumes: Mapping[str, Volume]
-    background: Sequence[Background]
-
-    def mesh(self, progress: Callable[[Step], None], *, case: str | None = None) -> Mesh:
-        """Mesh, certify and sample the volumes.
-
-        Parameters
-        ----------
-        progress : called after every stage
-        case : name in the certificate; None: that of the file
-        """
-        source = self.about["source"]
-        if case is None:
-            case = Path(source).name.partition(".")[0] if source else ""
-        made = mesh_surface(self.surface, self.config, **self.about, case=case, progress=progress)
-        filled, rows = with_volumes(
-            made.mesh,
-            self.volumes,
-            frame=self.in_mm.frame,
-            background=self.background,
-        )
-        large = [one.sentence for one in self.background if one.large]
-        read_from = (
-            *(source, self.about["sphere_source"], *(self.about["inner_sources"] or {}).values()),
-            *self.origin.fields.values(),
-            *(volume.file for volume in self.volumes.values()),
-        )
-        return Mesh(
-            filled,
-            with_remarks(made.certificate, large),
-            made.surface,
-            self.origin,
-            self.config,
-            inputs=tuple(Path(file) for file in read_from if file),
-            tissue_rows=tuple(rows),
-            label_names=label_names(self.volumes),
-            native=dict(zip(region_names(self.in_mm.inner), sheets(self.in_mm), strict=True)),
-        )
-
-
-def inputs(
-    shape: SurfaceLike,
-    config: Config,
-    *,
-    ga: float | None = None,
-    hemi: Literal["L", "R"] | None = None,
-    inner: Mapping[str, SurfaceLike] | None = None,
-    fields: Mapping[str, Any] | None = None,
-    volumes: Mapping[str, str | Path | spatialimages.SpatialImage | Volume] | None = None,
-    sphere: SurfaceLike | None = None,
-) -> Inputs:
-    """Read and check everything that a mesh is made of; parameters and errors are those of `mesh`."""
     require_hemisphere(hemi)
-    for given, what in ((inner, "inner surfaces"), (fields, "fields"), (volumes, "volumes")):
-        require_named(given, what)
     require_region_names(inner or ())
     if ga is not None:
         require_within(ga, SCAN_AGES, "the gestational age in weeks")
-    source = _file(shape)
-    finite = not config.enabled("repair")
-    outer = surface(shape, finite=finite)
-    if finite or not len(outer.faces):
-        require_measurable(outer)
-    field_files = _files(fields)
-    in_memory = {name: values for name, values in (fields or {}).items() if name not in field_files}
-    of_vertices = {**outer.point_data, **in_memory}
-    require_fields(of_vertices)
-    outer = with_fields(replace(outer, point_data=of_vertices), field_files)
-    inner_files = _files(inner)
-    whole = nested(outer, {name: surface(one, finite=finite) for name, one in (inner or {}).items()})
+    config = load(sections(settings, cell_size))
+    source, field_files = _file(shape), _files(fields)
+    whole = _whole(shape, fields or {}, inner or {}, finite=not config.enabled("repair"))
     if config.export.layers is not None:
         require_layers(whole)
-    known = {name: inner_files[name] for name in whole.inner if name in inner_files}
-    region_files = {} if source is None else by_region(source, known)
     images = read_volumes(volumes or {})
     in_mm = placed(whole, config.placement())
     background = backgrounds(images, in_mm)
+    for one in background if progress else ():
+        say(one.sentence)
+    inner_files = _files(inner)
+    known = {name: inner_files[name] for name in whole.inner if name in inner_files}
     origin = Origin(
-        region_files,
+        {} if source is None else by_region(source, known),
         fields=field_files,
         volumes={name: str(file) for name, file in _files(volumes).items()},
         age=None if ga is None else float(ga),
         hemisphere=hemi or (hemisphere_of(source) if source else None),
         kind=kind_of(source) if source else None,
     )
-    return Inputs(
+    made = mesh_surface(
         whole,
-        in_mm,
         config,
+        gestational_age=origin.age,
+        hemisphere=origin.hemisphere,
+        source=source,
+        inner_sources=inner_files,
+        sphere=None if sphere is None else surface(sphere),
+        sphere_source=_file(sphere),
+        case=Path(source).name.partition(".")[0] if source else "",
+        progress=teller(progress),
+    )
+    filled, rows = with_volumes(made.mesh, images, frame=in_mm.frame, background=background)
+    large = [one.sentence for one in background if one.large]
+    image_files = [volume.file for volume in images.values()]
+    read_from = (source, _file(sphere), *inner_files.values(), *field_files.values(), *image_files)
+    return Mesh(
+        filled,
+        with_remarks(made.certificate, large),
+        made.surface,
         origin,
-        {
-            "gestational_age": origin.age,
-            "hemisphere": origin.hemisphere,
-            "source": source,
-            "inner_sources": inner_files,
-            "sphere": None if sphere is None else surface(sphere),
-            "sphere_source": _file(sphere),
-        },
-        images,
-        background,
+        config,
+        inputs=tuple(Path(file) for file in read_from if file),
+        tissue_rows=tuple(rows),
+        volumes=images,
+        native=dict(zip(region_names(in_mm.inner), sheets(in_mm), strict=True)),
     )
 
 
-def _depths(given: Sequence[float]) -> list[float]:
-    """Depths in the cortex; InputError if there is none, or one is no number from 0 to 1."""
-    try:
-        depths = [float(depth) for depth in given]
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{given!r} are not depths", remedy="give numbers from 0 to 1") from error
-    if not depths:
-        raise InputError("no depths were given", remedy="give numbers from 0 to 1")
-    return depths
+def _whole(
+    shape: SurfaceLike, fields: Mapping[str, Any], inner: Mapping[str, SurfaceLike], *, finite: bool
+) -> TriSurface:
+    """A surface with its fields and its inner surfaces, as given; `finite`: whether coordinates must be finite."""
+    outer = surface(shape, finite=finite)
+    if finite or not len(outer.faces):
+        require_measurable(outer)
+    field_files = _files(fields)
+    in_memory = {name: values for name, values in fields.items() if name not in field_files}
+    of_vertices = {**outer.point_data, **in_memory}
+    for name, values in of_vertices.items():
+        require_finite(values_of(values, f"the field {name}"), f"the field {name}")
+    outer = with_fields(replace(outer, point_data=of_vertices), field_files)
+    return nested(outer, {name: surface(one, finite=finite) for name, one in inner.items()})
 
 
 def _file(given: Any) -> str | Path | None:
@@ -583,7 +480,7 @@ def write_files(
                     certificate=certificate,
                     origin=replace(origin, meshed=beside.surfaces),
                     sets=config.export.sets(origin.kind),
-                    labels=made.label_names,
+                    labels=label_names(made.volumes),
                     arguments={**config.export_arguments(format_of(path).name), "uncertified": uncertified},
                     temporary=folder,
                 )

@@ -15,7 +15,7 @@ from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
 
-from cyclopts import App, CoercionError, CycloptsError, MissingArgumentError, Parameter, UnusedCliTokensError
+from cyclopts import App, CycloptsError, MissingArgumentError, Parameter, UnusedCliTokensError
 from cyclopts.help import DefaultFormatter, PanelSpec
 from rich.box import Box
 
@@ -108,9 +108,7 @@ def _complaint(error: CycloptsError) -> str:
         return f"{error.keyword} lacks a value" if error.keyword else f"{name} is missing"
     if isinstance(error, UnusedCliTokensError):
         return f"too many arguments: {' '.join(error.unused_tokens or ())}"
-    text = str(error).partition(" Available commands")[0].rstrip(".")
-    several = isinstance(error, CoercionError) and error.token is None
-    return f"Invalid value for {name}: {text}" if several else text
+    return str(error).partition(" Available commands")[0].rstrip(".")
 
 
 def _usage(command: list[str], complaint: str) -> SystemExit:

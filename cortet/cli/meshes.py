@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json as json_format
-import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import App, Parameter
 
 import cortet
-from cortet.cli.shared import MESHES, Common, Limits, Writes, add
+from cortet.cli.shared import MESHES, Common, Configured, Writes, add
 from cortet.cli.values import (
     Below,
     Depth,
@@ -24,17 +23,11 @@ from cortet.cli.values import (
     Picture,
     number,
 )
-from cortet.errors import InputError
-from cortet.geometry.limits import MOST_LAYERS, THICKNESS_MM
+from cortet.errors import InputError, UsageError
+from cortet.geometry.limits import MOST_LAYERS
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from cortet.measure.certify import Certificate
-    from cortet.meshes import TriSurface
-    from cortet.solver_files.surface_map import Depth as DepthOfMap
-    from cortet.solver_files.surface_map import SurfaceMap
 
 Unit = Literal["mm", "um"]
 
@@ -57,12 +50,10 @@ def quality(file: MeshFile, /, *, json: bool = False, _: Common = Common()) -> i
     cortet quality lh.vtu
     """
     from cortet.api.meshing import tetrahedra
-    from cortet.measure.quality import signed_volumes, summarise
+    from cortet.measure.quality import summarise
     from cortet.report.numbers import ELEMENTS
-    from cortet.stages.gate import require_size
 
-    mesh = tetrahedra(file)
-    found = asdict(summarise(mesh))
+    found = asdict(summarise(tetrahedra(file)))
     if json:
         print(json_format.dumps(found, indent=2, allow_nan=False))
         return 0
@@ -72,11 +63,6 @@ def quality(file: MeshFile, /, *, json: bool = False, _: Common = Common()) -> i
     }
     for name, form in {**ELEMENTS, **further}.items():
         print(f"{name:<30}{form.format_map(found)}")
-    extents, volumes = mesh.points.max(axis=0) - mesh.points.min(axis=0), signed_volumes(mesh.points, mesh.cells)
-    try:
-        require_size(extents, float(abs(volumes).sum()) / 1000, option="cortet convert --source-unit")
-    except InputError as error:
-        print(f"{'Warning':<30}{error}")
     return 0
 
 
@@ -86,7 +72,7 @@ def certify(
     /,
     *,
     inner: InnerFiles = (),
-    limits: Limits = Limits(),
+    configured: Configured = Configured(),
     output: Annotated[OutputFile | None, O, Parameter(metavar="JSON")] = None,
     _: Writes = Writes(),
 ) -> int:
@@ -105,7 +91,7 @@ def certify(
     """
     from cortet.formats.atomic import write_json
 
-    certificate = cortet.certify(file, surface, limits.cell_size, limits.settings(), inner=dict(inner))
+    certificate = cortet.certify(file, surface, configured.cell_size, configured.settings(), inner=dict(inner))
     _say_meshed(Path(certificate.input["file"]), surface, file)
     if output:
         write_json(asdict(certificate), output)
@@ -119,15 +105,6 @@ def _say_meshed(source: Path, given: Path | None, mesh: Path) -> None:
     """Say which surface takes the place of the one that was given, if another one does."""
     if source != given:
         print(f"{source}: the surface that was meshed, according to the sidecar of {mesh.name}")
-
-
-def _filled_surface(mesh: Path, given: Path | None) -> TriSurface:
-    """The surface that a mesh fills, as meshed if that was kept, else as given."""
-    from cortet.solver_files.meshed import meshed_surface
-
-    surface, source = meshed_surface(mesh, given, {})
-    _say_meshed(source, given, mesh)
-    return surface
 
 
 def convert(
@@ -171,7 +148,7 @@ def quadratic(
     /,
     *,
     output: Annotated[OutputFile, O, Parameter(metavar="OUT")],
-    max_boundary_distance: Annotated[float, number(0, 1000, "MM", endless=True)] = 1e-3,
+    max_boundary_distance: Annotated[float, number(0, 1000, "MM")] = 1e-3,
     _: Writes = Writes(),
 ) -> int:
     """Write a mesh as ten-node tetrahedra whose midside nodes lie on the surface.
@@ -183,7 +160,7 @@ def quadratic(
     output
         .inp, .feb, .msh, .vtu or .xdmf.
     max_boundary_distance
-        Limit of the distance of boundary nodes to the surface (default: 0.001; inf: no limit).
+        Limit of the distance of boundary nodes to the surface (default: 0.001).
 
     Examples
     --------
@@ -191,11 +168,12 @@ def quadratic(
     """
     from cortet.api.meshing import tetrahedra
     from cortet.geometry.quadratic import quadratic
+    from cortet.solver_files.meshed import meshed_surface
     from cortet.solver_files.ten_nodes import write_ten_nodes
 
-    mesh, filled = tetrahedra(file), _filled_surface(file, surface)
-    limit = None if max_boundary_distance == math.inf else max_boundary_distance
-    curved = quadratic(mesh, filled, max_boundary_distance=limit)
+    mesh, (filled, source) = tetrahedra(file), meshed_surface(file, surface, {})
+    _say_meshed(source, surface, file)
+    curved = quadratic(mesh, filled, max_boundary_distance=max_boundary_distance)
     told = write_ten_nodes(mesh, curved, output)
     straight = curved.straightened_for_elements + curved.straightened_for_crossings
     print(
@@ -254,7 +232,6 @@ def project(
     depth: Depth | None = None,
     equidistant: bool = False,
     layer: Annotated[int | None, number(1, MOST_LAYERS, "N", whole=True)] = None,
-    thickness: Annotated[float | None, number(*THICKNESS_MM, "MM")] = None,
     surface: InputFile | None = None,
     _: Writes = Writes(),
 ) -> int:
@@ -272,8 +249,6 @@ def project(
         Measure depths in % by the length of a column of the cortex instead of its volume.
     layer
         Project means over layer N of a mesh that was made with --layers; layer 1 is outermost.
-    thickness
-        Thickness of the cortex, for depths in % of a mesh without a white surface (default: the field thickness).
     surface
         Surface to project onto (default: from the sidecar of the mesh).
 
@@ -283,17 +258,16 @@ def project(
     """
     from cortet.api.meshing import tetrahedra
     from cortet.formats.gifti import hemisphere_of, require_same_hemisphere, write_fields
-    from cortet.measure.layers import bounds_of, cortex_and_white
+    from cortet.measure.layers import bounds_of
     from cortet.solver_files.laminar import Laminar
     from cortet.solver_files.results import on_surface, read_result
     from cortet.solver_files.sidecar import read_sidecar
     from cortet.solver_files.surface_map import map_of_file
 
-    if layer is not None and (depth, thickness, equidistant) != (None, None, False):
-        raise InputError("--layer excludes --depth, --thickness and --equidistant", remedy="leave them out")
-    if equidistant and (depth is None or not depth.relative or thickness is not None):
-        what = "--equidistant applies only to a depth in %, measured along the columns of the cortex"
-        raise InputError(what, remedy="give --depth in %, without --thickness")
+    if layer is not None and (depth, equidistant) != (None, False):
+        raise UsageError("--layer excludes --depth and --equidistant", remedy="leave them out")
+    if equidistant and (depth is None or not depth.relative):
+        raise UsageError("--equidistant applies only to a depth in %", remedy="give --depth in %")
     content = tetrahedra(mesh)
     found, file, how = map_of_file(mesh, content, surface)
     print(f"{file}: {how}")
@@ -307,11 +281,11 @@ def project(
     hemisphere = made_from.get("hemisphere") or hemisphere_of(file)
     require_same_hemisphere(file, hemisphere)
     inner = list(made_from.get("meshed") or {})[1:]
-    if depth and depth.relative and thickness is None and cortex_and_white(content, inner):
+    if depth and depth.relative:
         there = Laminar(found, inner, equivolumetric=not equidistant).weights(depth.first, depth.last)
         print("depths are measured along the columns of the cortex")
     else:
-        there = found.weights(_millimetres(depth, found, thickness, mesh) if depth else None)
+        there = found.weights((depth.first, depth.last) if depth else None)
         if depth:
             print("depths are measured along the surface normal")
     fields, told = on_surface(read_result(result), there, file=result, mesh_file=mesh)
@@ -320,21 +294,6 @@ def project(
     write_fields(fields, output, hemisphere=hemisphere)
     print(f"{output}: {len(fields)} fields of {len(found.points):,} vertices: {', '.join(fields)}")
     return 0
-
-
-def _millimetres(depth: Below, found: SurfaceMap, thickness: float | None, mesh: Path) -> DepthOfMap:
-    """A depth of the command line in mm; one that is relative for each vertex."""
-    if not depth.relative:
-        return depth.first, depth.last
-    across: float | NDArray[np.float64]
-    if thickness is not None:
-        across = thickness
-    elif (field := found.mesh.point_data.get("thickness")) is not None and field.ndim == 1:
-        across = found.on_surface(field)
-    else:
-        remedy = "add --thickness MM, or make the mesh with an inner surface white"
-        raise InputError("has no field thickness, which a depth in % requires", file=mesh, remedy=remedy)
-    return depth.first * across, depth.last * across
 
 
 def print_verdict(certificate: Certificate) -> None:

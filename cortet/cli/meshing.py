@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -30,13 +29,13 @@ from cortet.formats import format_of
 from cortet.formats.ownership import may_write, refuse_companion
 from cortet.geometry.limits import SCAN_AGES
 
+#: columns of the table of stages
+HEAD = ("stage", "seconds", "nodes", "tets", "mean q", "q_max", "q > 0.6")
 #: said of a mesh of a white surface without others
 WHITE_ALONE = "the surface is a white surface: the mesh holds white matter without the cortex"
 
 if TYPE_CHECKING:
-    from cortet.api.meshing import Inputs, Mesh
-    from cortet.config import Config
-    from cortet.meshes import TetMesh, TriSurface
+    from cortet.api.meshing import Mesh
     from cortet.pipeline import Step
 
 
@@ -64,12 +63,13 @@ class Views:
     slices: Picture | None = None
     page: Annotated[OutputFile | None, Parameter(metavar="HTML")] = None
 
-    def write(self, made: Mesh, given: Inputs, place: Callable[[Path], Path]) -> None:
+    def write(self, made: Mesh, place: Callable[[Path], Path]) -> None:
         """Write those that are asked for; `place` gives the temporary file of each."""
+        given = next(iter(made.native.values()))
         if self.slices:
             from cortet.report.slices import slices
 
-            slices(made.mesh, *next(iter(given.volumes.items())), place(self.slices), given.in_mm.frame)
+            slices(made.mesh, *next(iter(made.volumes.items())), place(self.slices), given.frame)
             print(f"{self.slices}: drawn")
         if self.picture:
             made.picture(place(self.picture))
@@ -83,7 +83,7 @@ class Views:
                 "cell_size": made.config.generate.cell_size[0],
                 "mesher": made.config.generate.meshers[0],
             }
-            shown = Checked(made.mesh, given.in_mm, made.surface, asdict(made.certificate))
+            shown = Checked(made.mesh, given, made.surface, asdict(made.certificate))
             write_case_page(shown, place(self.page), facts=about(chosen))
             print(f"{self.page}: written")
 
@@ -127,9 +127,10 @@ def mesh(
     --------
     cortet mesh lh.pial.surf.gii --inner lh.white.surf.gii -o lh.inp
     """
-    from cortet.api.meshing import inputs, write_files
+    from cortet.api.meshing import write_files
     from cortet.config import load
     from cortet.formats.tables import printed
+    from cortet.meshes import by_region
     from cortet.pipeline import companions
     from cortet.solver_files.meshed import require_own_stem
     from cortet.solver_files.sidecar import sidecar_path
@@ -138,10 +139,10 @@ def mesh(
     if views.slices and not volume:
         raise UsageError("--slices needs a volume", remedy="give one: --volume NAME=FILE")
     # a file that cannot be written is refused before the work, and before files of an earlier run are deleted
-    config = load(configured.settings(size, layers))
+    settings = configured.settings(size, layers)
+    cell_size = load(settings).generate.cell_size[0]
     format_of(output)
-    given = inputs(surface, config, ga=ga, inner=dict(inner), fields=dict(field), volumes=dict(volume), sphere=sphere)
-    beside = companions(output, given.surface.inner, volumes=bool(volume))
+    beside = companions(output, dict(inner), volumes=bool(volume))
     every = [*beside.files, sidecar_path(output)]
     for file in every:
         may_write(file)
@@ -149,13 +150,20 @@ def mesh(
         if view and view.absolute() in [one.absolute() for one in every]:
             refuse_companion(view)
     if not how.force:
-        require_own_stem(output, given.origin.given, cell_size=config.generate.cell_size[0])
-    for one in given.background:
-        print(one.sentence)
-    progress = Progress(config, ga, nested=bool(inner), registered=sphere is not None)
-    made = given.mesh(progress, case=output.stem)
-    certificate = made.certificate
-    told = write_files(made, output, force=how.force, views=lambda place: views.write(made, given, place))
+        require_own_stem(output, by_region(surface, dict(inner)), cell_size=cell_size)
+    made = cortet.mesh(
+        surface,
+        ga=ga,
+        inner=dict(inner),
+        fields=dict(field),
+        volumes=dict(volume),
+        sphere=sphere,
+        settings=settings,
+        progress=table_of_stages(),
+    )
+    certificate = replace(made.certificate, case=output.stem)
+    made = replace(made, certificate=certificate)
+    told = write_files(made, output, force=how.force, views=lambda place: views.write(made, place))
     print()
     if made.tissue_rows:
         print(printed(TISSUE_COLUMNS, made.tissue_rows) + "\n")
@@ -214,41 +222,21 @@ def improve(
     return 0
 
 
-class Progress:
-    """A table on the terminal that gets a row for each stage, and names the stage that is running."""
+def table_of_stages() -> Callable[[Step], None]:
+    """A function that prints a row for each completed stage, below the names of the columns."""
+    from cortet.measure.quality import quality
+    from cortet.meshes import TetMesh
 
-    HEAD = ("stage", "seconds", "nodes", "tets", "mean q", "q_max", "q > 0.6")
+    rows: list[tuple[str, ...]] = [HEAD]
 
-    def __init__(self, config: Config, gestational_age: float | None, *, nested: bool, registered: bool) -> None:
-        from cortet.pipeline import stages
+    def print_row(step: Step) -> None:
+        numbers = [f"{step.seconds:.1f}", str(len(step.result.points))]
+        if isinstance(step.result, TetMesh):
+            q = quality(step.result.points, step.result.cells)
+            numbers += [str(len(q)), f"{q.mean():.4f}", f"{q.max():.4f}", str(int((q > 0.6).sum()))]
+        rows.append((step.stage, *numbers))
+        while rows:
+            name, *cells = rows.pop(0)
+            print(f"{name:<16}" + "".join(f"{cell:>10}" for cell in cells), flush=True)
 
-        self.live = sys.stdout.isatty()
-        self.waiting = stages(config, gestational_age=gestational_age, nested=nested, registered=registered)
-        print(self._row(self.HEAD))
-        self._announce()
-
-    def __call__(self, step: Step) -> None:
-        """Print the row of a completed stage."""
-        row = self._row((step.stage, f"{step.seconds:.1f}", *self._numbers(step.result)))
-        print(f"\r{row}" if self.live else row, flush=True)
-        self.waiting.remove(step.stage)
-        self._announce()
-
-    def _announce(self) -> None:
-        if self.live:
-            print(f"{self.waiting[0] if self.waiting else 'certify'} ...".ljust(40), end="", flush=True)
-
-    @staticmethod
-    def _numbers(result: TriSurface | TetMesh) -> Iterable[str]:
-        from cortet.measure.quality import quality
-        from cortet.meshes import TetMesh
-
-        if not isinstance(result, TetMesh):
-            return str(len(result.points)), "", "", "", ""
-        q = quality(result.points, result.cells)
-        return str(len(result.points)), str(len(q)), f"{q.mean():.4f}", f"{q.max():.4f}", str(int((q > 0.6).sum()))
-
-    @staticmethod
-    def _row(cells: Iterable[str]) -> str:
-        name, *numbers = cells
-        return f"{name:<16}" + "".join(f"{number:>10}" for number in numbers)
+    return print_row

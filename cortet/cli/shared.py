@@ -6,12 +6,11 @@ import inspect
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf
 from typing import Annotated, Any
 
 from cyclopts import App, Group, Parameter
 
-from cortet.cli.values import CellSize, InputFile, Setting, number
+from cortet.cli.values import CellSize, InputFile, Setting
 
 SURFACES = Group("Surfaces", sort_key=1)
 MESHES = Group("Meshes", sort_key=2)
@@ -69,7 +68,7 @@ class Configured:
     setting
         Preset: cortet's method, the paper's mesher with cortet's stages, or the paper's method.
     cell_size
-        Cell size h (default: 0.6, or that of --config).
+        Cell size h (default: that of --config, that of the mesh if it is known, or 0.6).
     """
 
     config: InputFile | None = None
@@ -97,32 +96,3 @@ class Configured:
 def with_keys(data: Mapping[str, Any], section: str, **keys: Any) -> dict[str, Any]:
     """Sections of a configuration, one of them with further keys."""
     return {**data, section: {**(data.get(section) or {}), **keys}}
-
-
-@Parameter(name="*")
-@dataclass(frozen=True)
-class Limits:
-    """Limits by which a mesh is checked.
-
-    Parameters
-    ----------
-    q_max
-        Limit of the worst q (default: 0.6).
-    max_boundary_distance
-        Limit of the distance of boundary nodes to the surface (default: 0.001; inf: no limit).
-    """
-
-    q_max: Annotated[float | None, number(0, 1, "Q")] = None
-    max_boundary_distance: Annotated[float | None, number(0, 1000, "MM", endless=True)] = None
-    cell_size: Annotated[
-        CellSize | None,
-        Parameter(
-            help="Cell size h, which scales the limits on distances; inner surfaces are first moved apart as for "
-            "meshing (default: not known, no limit on distances)."
-        ),
-    ] = None
-
-    def settings(self) -> dict[str, Any]:
-        """The section of the configuration with those that were given."""
-        given = {"q_max": self.q_max, "max_boundary_distance": self.max_boundary_distance}
-        return {"certify": {key: None if value == inf else value for key, value in given.items() if value is not None}}

@@ -1,19 +1,18 @@
-"""Commands on surfaces: `gate`, `repair`, `layers`, `phantom`, `head`."""
+"""Commands on surfaces: `gate`, `repair`, `layers`, `phantom`."""
 
 from __future__ import annotations
 
 import statistics
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, Parameter
 
+import cortet
 from cortet.cli.shared import SURFACES, Common, Writes, add
 from cortet.cli.values import (
     CellSize,
-    FolderOfFiles,
     Hemisphere,
     InputFile,
     Layering,
@@ -33,27 +32,7 @@ if TYPE_CHECKING:
 
 def add_commands(app: App) -> None:
     """Add the commands on surfaces."""
-    add(app, SURFACES, gate, repair, layers, phantom, head)
-
-
-@Parameter(name="*")
-@dataclass(frozen=True, kw_only=True)
-class Made:
-    """What a synthetic hemisphere is made by.
-
-    Parameters
-    ----------
-    ga
-        Gestational age.
-    subdivisions
-        Subdivisions of the icosahedron (default: 5).
-    seed
-        Seed of the individual variation (default: 0).
-    """
-
-    ga: Annotated[float, number(*PHANTOM_AGES, "WEEKS")]
-    subdivisions: Annotated[int, number(*SUBDIVISIONS, "N", whole=True)] = 5
-    seed: Annotated[int, number(0, 2**32 - 1, "N", whole=True)] = 0
+    add(app, SURFACES, gate, repair, layers, phantom)
 
 
 def gate(
@@ -116,37 +95,34 @@ def repair(
     --------
     cortet repair broken.surf.gii -o mended.surf.gii
     """
-    from cortet.config import load
     from cortet.formats.gifti import read_surface, write_surface
-    from cortet.formats.placement import placed
     from cortet.solver_files.fields import with_fields
-    from cortet.stages.repair import repair
 
     record = output.with_name(f"{output.stem}.repair.json")
     may_write(record)
-    chosen = load(config or {})
-    given = with_fields(read_surface(surface, finite=False), dict(field))
-    given = placed(given, chosen.placement())
-    made, report = repair(given, chosen.repair, source=str(surface), allow_genus=chosen.gate.allow_genus)
-    with recorded(asdict(report), record) as place:
+    given = with_fields(read_surface(surface, finite=False), dict(field)) if field else surface
+    made, done = cortet.repair(given, config or {})
+    with recorded(done, record) as place:
         write_surface(made, place(output))
-    for step in report.steps:
-        print(f"{step.count} {step.done}")
-    if not report.repaired:
+    for step in done["steps"]:
+        print(f"{step['count']} {step['done']}")
+    if not done["repaired"]:
         print("nothing to repair")
     else:
-        there, back = report.file_to_surface_mm, report.surface_to_file_mm
-        print(f"largest distance from the file to the repaired surface {there.max:.3f} mm, and back {back.max:.3f} mm")
-        print(f"volume {report.volume_ml:.2f} mL ({report.relative_volume_change:+.3%})")
+        there, back = done["file_to_surface_mm"]["max"], done["surface_to_file_mm"]["max"]
+        print(f"largest distance from the file to the repaired surface {there:.3f} mm, and back {back:.3f} mm")
+        print(f"volume {done['volume_ml']:.2f} mL ({done['relative_volume_change']:+.3%})")
     print(f"{output}: written, with {record.name}")
     return 0
 
 
 def phantom(
     *,
-    made: Made,
+    ga: Annotated[float, number(*PHANTOM_AGES, "WEEKS")],
     output: Annotated[SurfaceFile, O],
     hemi: Hemisphere = "L",
+    subdivisions: Annotated[int, number(*SUBDIVISIONS, "N", whole=True)] = 5,
+    seed: Annotated[int, number(0, 2**32 - 1, "N", whole=True)] = 0,
     pial: SurfaceFile | None = None,
     sphere: SurfaceFile | None = None,
     thickness: Annotated[float, number(*THICKNESS_MM, "MM")] = 1.5,
@@ -156,8 +132,14 @@ def phantom(
 
     Parameters
     ----------
+    ga
+        Gestational age.
     hemi
         Hemisphere (default: L).
+    subdivisions
+        Subdivisions of the icosahedron (default: 5).
+    seed
+        Seed of the individual variation (default: 0).
     pial
         File for the pial surface; -o then gets a white surface inside it.
     sphere
@@ -172,7 +154,7 @@ def phantom(
     from cortet.formats.gifti import write_surface
     from cortet.phantoms import inset, phantom_with_sphere
 
-    surface, ball = phantom_with_sphere(made.ga, hemisphere=hemi, subdivisions=made.subdivisions, seed=made.seed)
+    surface, ball = phantom_with_sphere(ga, hemisphere=hemi, subdivisions=subdivisions, seed=seed)
     if sphere:
         write_surface(ball, sphere)
     if pial:
@@ -184,48 +166,6 @@ def phantom(
     return 0
 
 
-def head(
-    *,
-    made: Made,
-    output: Annotated[FolderOfFiles, O, Parameter(metavar="DIR")],
-    voxel: Annotated[float, number(0.1, 5, "MM")] = 0.5,
-    _: Writes = Writes(),
-) -> int:
-    """Make a synthetic hemisphere with ventricles, a thalamus and their volumes.
-
-    Parameters
-    ----------
-    voxel
-        Width of the voxels (default: 0.5).
-
-    Examples
-    --------
-    cortet head --ga 30 -o head
-    """
-    from cortet.formats.gifti import write_surface
-    from cortet.formats.tsv import write_tsv
-    from cortet.formats.volumes import write_volume
-    from cortet.phantoms.head import LABELS, head
-
-    files = {name: output / f"{'pial' if name == 'cortex' else name}.surf.gii" for name in LABELS}
-    files |= {name: output / name for name in ("dseg.nii.gz", "dseg.tsv", "tensors.nii.gz", "sizes.tsv")}
-    for file in files.values():
-        may_write(file)
-    found = head(made.ga, subdivisions=made.subdivisions, seed=made.seed, voxel=voxel)
-    output.mkdir(parents=True, exist_ok=True)
-    for name, surface in found.surfaces.items():
-        write_surface(surface, files[name])
-    write_volume(found.labels, found.affine, files["dseg.nii.gz"])
-    write_volume(found.tensors, found.affine, files["tensors.nii.gz"])
-    write_tsv([{"index": key, "name": name} for name, key in LABELS.items()], ["index", "name"], files["dseg.tsv"])
-    sizes = [{"name": name, "volume_ml": round(found.volumes[name] / 1000, 6)} for name in LABELS]
-    write_tsv(sizes, ["name", "volume_ml"], files["sizes.tsv"])
-    for row in sizes:
-        print(f"{row['name']:<12}{row['volume_ml']:>8.3f} mL")
-    print(f"{output}: written: {', '.join(file.name for file in files.values())}")
-    return 0
-
-
 def layers(
     white: Annotated[Path, Parameter(name="WHITE")],
     pial: Annotated[Path, Parameter(name="PIAL")],
@@ -233,7 +173,6 @@ def layers(
     *,
     layers: Layering,
     output: Annotated[SurfaceFile, O],
-    equidistant: bool = False,
     cell_size: CellSize | None = None,
     _: Writes = Writes(),
 ) -> int:
@@ -251,8 +190,6 @@ def layers(
         Number of layers, or the share of each of the volume of the cortex, pial first, 1,1,2.
     output
         GIfTI files NAME1.surf.gii, NAME2.surf.gii, ..., outermost first: one fewer than there are layers.
-    equidistant
-        Divide the length of each column, not its volume.
     cell_size
         Cell size of the mesh; smaller cells give more exact depths (default: half the median thickness).
 
@@ -264,21 +201,16 @@ def layers(
     from cortet.formats.gifti import read_surface, write_surface
     from cortet.geometry.closest_point import closest_points, tree_of
     from cortet.geometry.intersection import self_intersections
-    from cortet.geometry.topology import enclosed_volume
     from cortet.measure.layers import bounds_of
 
     depths = bounds_of(layers).tolist()[1:-1]
     if not depths:
         raise InputError("a single layer has no inner surface", remedy="give --layers 2 or more")
     name, _, suffixes = output.name.partition(".")
-    files = [output.with_name(f"{name}{number}.{suffixes}") for number in range(1, len(layers) + 1)]
-    for file in (output, *files[:-1]):
+    files = [output.with_name(f"{name}{number}.{suffixes}") for number in range(1, len(layers))]
+    for file in (output, *files):
         may_write(file)
     inside, outside = read_surface(white), read_surface(pial)
-    volumes = [abs(enclosed_volume(one.points, one.faces)) for one in (inside, outside)]
-    if volumes[0] >= volumes[1]:
-        what = f"does not lie inside {pial.name}, which encloses {volumes[1] / 1000:.1f} mL"
-        raise InputError(what, file=white, remedy="give the white surface first, then the pial surface")
     if cell_size is None:
         across = closest_points(tree_of(outside), inside.points).distances
         cell_size = round(statistics.median(across.tolist()) / 2, 2)
@@ -286,26 +218,20 @@ def layers(
     # columns need no certified mesh, and the stages that make it certified take most of the time
     as_given = {stage: {"enabled": False} for stage in ("smooth_surface", "clean", "reconnect")}
     made = mesh(pial, inner={"white": white}, cell_size=cell_size, settings=as_given)
-    surfaces = made.laminar_surfaces(depths, equivolumetric=not equidistant)
-    for depth, surface, file in zip(depths, surfaces, files, strict=False):
+    surfaces = made.laminar_surfaces(depths)
+    for depth, surface, file in zip(depths, surfaces, files, strict=True):
         write_surface(surface, file, like=white)
         crossing = len(self_intersections(surface))
         print(f"{file}: depth {depth:.3f}" + (f", {crossing} triangles intersect others" if crossing else ""))
-    if files[-1].exists():
-        print(f"{files[-1]}: left from an earlier run with more layers")
     return 0
 
 
 def _findings(report: GateReport) -> str:
     """The findings and repairs of the gate, in one line."""
-    mended = (
-        (report.unused_vertices_dropped, "unused vertices dropped"),
-        (report.faces_reoriented, "faces turned outward"),
-        (
-            report.crossing_faces_repaired,
-            f"intersecting faces separated by moving {report.repair_moved_vertices} vertices by up to "
-            f"{report.repair_max_displacement_mm:.3f} mm",
-        ),
-    )
+    mended = {
+        "unused vertices dropped": report.unused_vertices_dropped,
+        "faces turned outward": report.faces_reoriented,
+        "intersecting faces separated": report.crossing_faces_repaired,
+    }
     size = f"{report.vertices} vertices, {report.volume_ml:.1f} mL, {report.area_mm2:.0f} mm2"
-    return "; ".join([size, *(f"{count} {what}" for count, what in mended if count)])
+    return "; ".join([size, *(f"{count} {what}" for what, count in mended.items() if count)])

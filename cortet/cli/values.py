@@ -23,8 +23,6 @@ class Number:
     low: float
     high: float
     whole: bool = False
-    #: whether `inf` is allowed
-    endless: bool = False
 
     def __call__(self, _: object, tokens: Sequence[Token]) -> Any:
         """The number, or the numbers if there are several."""
@@ -35,16 +33,15 @@ class Number:
         """The number in a text; an error names the text and the limits."""
         with contextlib.suppress(ValueError):
             value = int(text) if self.whole else float(text)
-            if "_" not in text and (self.low <= value <= self.high or (self.endless and text == "inf")):
+            if "_" not in text and self.low <= value <= self.high:
                 return value
         kind = "a whole number" if self.whole else "a number"
-        also = ", or inf" if self.endless else ""
-        raise ValueError(f"{text!r} is not {kind} from {self.low:g} to {self.high:.10g}{also}")
+        raise ValueError(f"{text!r} is not {kind} from {self.low:g} to {self.high:.10g}")
 
 
-def number(low: float, high: float, unit: str, *, whole: bool = False, endless: bool = False) -> Parameter:
+def number(low: float, high: float, unit: str, *, whole: bool = False) -> Parameter:
     """An option whose value is a number within limits; help shows the unit in its place."""
-    return Parameter(converter=Number(low, high, whole, endless), metavar=unit)
+    return Parameter(converter=Number(low, high, whole), metavar=unit)
 
 
 def pairs(read: Callable[[str], tuple[Any, Any]], form: str, shown: str | None = None) -> Parameter:
@@ -121,7 +118,7 @@ def _written(metavar: str, *endings: str) -> Parameter:
 
 @dataclass(frozen=True)
 class Below:
-    """A depth, or both ends of a range: mm, or `relative`, parts of the thickness of the cortex."""
+    """A depth, or both ends of a range: mm, or `relative`, parts of the cortex."""
 
     first: float
     last: float
@@ -129,7 +126,7 @@ class Below:
 
 
 def _depth(_: object, tokens: Sequence[Token]) -> Below:
-    """MM, or a range FROM:TO; with % at the end parts of the thickness."""
+    """MM, or a range FROM:TO; with % at the end parts of the cortex."""
     text = tokens[-1].value
     relative = text.endswith("%")
     first, *more = [Number(0, 1000 if relative else 100).read(one) for one in text.removesuffix("%").split(":")]
@@ -171,7 +168,7 @@ Depth = Annotated[
         accepts_keys=False,
         metavar="MM",
         help="Values at this depth below the surface, or means over a range, 1:3; in % of the cortex, 50% or "
-        "0:100%, along columns if the mesh has a white surface (default: at the surface).",
+        "0:100%, along the columns of a mesh with a white surface (default: at the surface).",
     ),
 ]
 Layering = Annotated[list[float], Parameter(converter=_layers, n_tokens=1, accepts_keys=False, metavar="N")]

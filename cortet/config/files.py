@@ -24,11 +24,11 @@ from cortet.formats.untrusted import content
 def load(source: Path | str | Mapping[str, Any]) -> Config:
     """The validated configuration of a YAML file or a plain dict.
 
-    Raises `InputError` naming every offending key with its value and, for an unknown key, the nearest known one.
+    Raises `InputError` naming every offending key with its value and, for an unknown key, one with a similar name.
     """
     data = read(Path(source)) if isinstance(source, (str, Path)) else dict(source)
     place = source if isinstance(source, (str, Path)) else "configuration"
-    data = _overlaid(SETTINGS.get(str(data.get("setting")), {}), _without_empty_sections(data, Config))
+    data = _overlaid(SETTINGS.get(str(data.get("setting")), {}), data)
     try:
         return Config.model_validate(data)
     except ValidationError as error:
@@ -93,47 +93,19 @@ class _UniqueKeys(yaml.SafeLoader):  # type: ignore[misc]
         return super().construct_mapping(node, deep)
 
 
-def _without_empty_sections(data: Mapping[str, Any], model: type[BaseModel]) -> dict[str, Any]:
-    """The data without sections that are null: YAML reads a section as null if all its keys are commented out."""
-    kept = {}
-    for key, value in data.items():
-        info = model.model_fields.get(key)
-        section = info.annotation if info and _is_section(info) else None
-        if isinstance(value, Mapping) and section:
-            kept[key] = _without_empty_sections(value, cast(type[BaseModel], section))
-        elif value is not None or not (section or model is Config):
-            kept[key] = value
-    return kept
-
-
 def _overlaid(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     """`base` with the keys of `over` put on top, section by section."""
     result = dict(base)
     for key, value in over.items():
-        both = isinstance(value, Mapping) and isinstance(result.get(key), Mapping)
-        result[key] = _overlaid(result[key], value) if both else value
+        if isinstance(result.get(key), Mapping) and isinstance(value, Mapping | None):
+            result[key] = _overlaid(result[key], value or {})
+        else:
+            result[key] = value
     return result
 
 
 #: names that pydantic gives to the types of a value; they are not part of a key's name
 _OF_A_UNION = re.compile(r"float$|int$|str$|(dict|list|constrained|literal)\b.*|\[key\]$")
-
-#: keys that cortet once had, and what took their place
-_GONE = {
-    **dict.fromkeys(
-        ("biomarkers", "experiments.convergence", "experiments.prediction"),
-        "see the folder studies/ of the repository",
-    ),
-    **dict.fromkeys(
-        (
-            *("cohort.fields", "figures", "gate.affine", "quality"),
-            *("repair.method", "repair.spacing", "smooth_boundary.method"),
-            *("export.holes", "export.map", "export.label_shares", "export.field_units"),
-        ),
-        "CHANGELOG.md says what to use instead",
-    ),
-    "write_carp": "transfer.enabled: true writes these files",
-}
 
 #: how pydantic begins most of its messages
 _WANTED = "Input should be "
@@ -153,21 +125,12 @@ def _joined(problems: list[tuple[str, str]]) -> list[str]:
 
 def _complaint(problem: Any, data: Mapping[str, Any]) -> tuple[str, str]:
     """One finding of pydantic in the user's words: the key with its value, and what is wrong with it."""
-    *parents, last = _keys_on_the_way(problem["loc"], data)
-    name = ".".join([*parents, last])
+    name = ".".join(_keys_on_the_way(problem["loc"], data))
     if problem["type"] != "extra_forbidden":
         return f"{name} = {reprlib.repr(problem['input'])}: ", problem["msg"].removeprefix("Value error, ")
-    if name in _GONE:
-        return f"key {name} is gone: ", _GONE[name]
-    model: Any = Config
-    for parent in parents:
-        model = model.model_fields[parent].annotation
-    here, everywhere = list(model.model_fields), {key.rpartition(".")[2]: key for key in _keys(Config)}
-    for known in (here, list(everywhere)):
-        if nearest := difflib.get_close_matches(last, known, n=1, cutoff=0.7):
-            suggestion = ".".join([*parents, nearest[0]]) if known is here else everywhere[nearest[0]]
-            return f"unknown key {name}; did you mean {suggestion}?", ""
-    return f"unknown key {name}; known here: {', '.join(here)}", ""
+    nearest = difflib.get_close_matches(name, _keys(Config), n=1)
+    suggestion = f"did you mean {nearest[0]}?" if nearest else "`cortet config` prints every key"
+    return f"unknown key {name}; {suggestion}", ""
 
 
 def _keys_on_the_way(loc: tuple[str | int, ...], data: Any) -> Iterator[str]:
@@ -200,7 +163,7 @@ def _rendered(
     indent: int,
     commented: bool,
 ) -> Iterator[str]:
-    pad, meanings = " " * indent, model.meanings()
+    pad = " " * indent
     for name, info in model.model_fields.items():
         given = data.get(name)
         hidden = "# " if commented or name not in data else ""
@@ -210,7 +173,7 @@ def _rendered(
             below = {setting: values.get(name, {}) for setting, values in settings.items()}
             yield from _rendered(section, given or {}, below, indent=indent + 2, commented=bool(hidden))
             continue
-        text = " ".join(meanings.get(name, "").split())
+        text = " ".join((info.description or "").split())
         text += "".join(f" {setting}: {_yaml(values[name])}" for setting, values in settings.items() if name in values)
         yield "\n" if indent == 0 else ""
         yield textwrap.indent(textwrap.fill(text, 118 - indent, break_long_words=False), f"{pad}# ") + "\n"

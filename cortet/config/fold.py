@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from cortet.config.section import Cases, Finite, Positive, Section
 from cortet.geometry.limits import FOLD_AGES, THICKNESS_MM
@@ -29,17 +29,6 @@ Measure = Literal[
     "white_stretch",
 ]
 Model = Literal["growing", "braingrowth"]
-#: shortest relaxation time, weeks: below a time step, relaxation takes energy that no account has
-_SHORTEST = 0.01
-
-
-def _not_below_a_step(time: Any) -> Any:
-    """A relaxation time, or times at ages; ValueError for one below `_SHORTEST`."""
-    for one in time.values() if isinstance(time, Mapping) else [time]:
-        if one != "elastic" and one < _SHORTEST:
-            raise ValueError(f"a time of {one:g} weeks is below a time step: give {_SHORTEST:g} weeks or more")
-    return time
-
 
 #: gestational age, weeks
 Age = Annotated[float, Field(ge=FOLD_AGES[0], le=FOLD_AGES[1])]
@@ -48,8 +37,10 @@ Amount = Annotated[float, Field(ge=-1e4, le=1e4, allow_inf_nan=False)]
 AtAges = Annotated[dict[Age, Positive], Field(min_length=1)]
 #: weeks between two rows or frames: below, a fold would write without end
 Interval = Annotated[float, Field(ge=1e-3, allow_inf_nan=False)]
-#: relaxation time, weeks, or at ages
-Time = Annotated[Positive | AtAges | Literal["elastic"], AfterValidator(_not_below_a_step)]
+#: weeks: below a time step, relaxation takes energy that no account has
+Weeks = Annotated[float, Field(ge=0.01, allow_inf_nan=False)]
+#: relaxation time, or times at ages
+Time = Weeks | Annotated[dict[Age, Weeks], Field(min_length=1)] | Literal["elastic"]
 ByAge = Amount | Annotated[dict[Age, Amount], Field(min_length=1)]
 
 
@@ -59,10 +50,10 @@ class Fold(Section):
     choices: ClassVar[frozenset[str]] = Section.choices | {"variants", "real_surfaces", "picture"}
 
     cases: Cases | None = None
-    """Cases to fold: all, a number of them spread over the ages, a list of names such as sub-01_ses-02_hemi-L, or the
-    cases that a column of the sheet marks with yes: {column: simulated}. null: the column fold, if the sheet has one.
-    Each fold starts at the scan_age of its case, as half a brain if hemi is L or R. It uses the point data growth (0 to
-    1), thickness (mm), medial_wall and label of the mesh, which fields of the sheet become."""
+    """Cases to fold: all, a number of them spread over the ages, or a list of names such as sub-01_ses-02_hemi-L. null:
+    the column fold of the sheet, if it has one. Each fold starts at the scan_age of its case, as half a brain if hemi
+    is L or R. It uses the point data growth (0 to 1), thickness (mm), medial_wall and label of the mesh, which fields
+    of the sheet become."""
     variants: dict[Annotated[str, Field(pattern="^[a-z][a-z0-9]*$")], dict[str, Any]] = {}
     """Further folds of each case, by name, with the keys of this section that differ, e.g. {thin: {thickness: 1.0},
     stiff: {core_stiffness: 2.0}}."""

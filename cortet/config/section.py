@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import ast
-import inspect
-import sys
-import textwrap
 from collections.abc import Mapping
-from itertools import pairwise
 from math import isfinite
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
@@ -18,28 +13,11 @@ from pydantic import (
     ConfigDict,
     Field,
     NonNegativeInt,
-    PositiveInt,
     ValidationInfo,
     field_validator,
 )
 
 from cortet.geometry.limits import CELL_SIZE_MM, MOST_LAYERS, SUBDIVISIONS
-
-__all__ = [
-    "AsList",
-    "AsShares",
-    "Boundary",
-    "Cases",
-    "CellSize",
-    "Finite",
-    "Fraction",
-    "NonNegativeInt",
-    "Positive",
-    "PositiveInt",
-    "Section",
-    "Subdivisions",
-    "Threshold",
-]
 
 
 def _as_list(value: Any) -> Any:
@@ -79,18 +57,16 @@ CellSize = Annotated[Positive, AfterValidator(_whole_micrometres), Field(ge=CELL
 Subdivisions = Annotated[int, Field(ge=SUBDIVISIONS[0], le=SUBDIVISIONS[1])]
 #: behaviour of boundary vertices when vertices move: stay, slide along the surface, or move like all others
 Boundary = Literal["fixed", "slide", "free"]
-#: the cases for which a column of the sheet says yes
-Column = Annotated[dict[Literal["column"], str], Field(min_length=1)]
 #: named sets of stage parameters (`config.settings`)
 Setting = Literal["default", "folding", "cgal", "published"]
-#: `all` cases of the sheet, a number of them spread over the ages, those named, or those of a column
-Cases = Literal["all"] | NonNegativeInt | list[str] | Column
+#: `all` cases of the sheet, a number of them spread over the ages, or those named
+Cases = Literal["all"] | NonNegativeInt | list[str]
 
 
 class Section(BaseModel):
     """A part of the configuration; unknown keys are errors, values never change after loading."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     #: keys that choose what is run; they are not arguments of the function that the section describes
     choices: ClassVar[frozenset[str]] = frozenset({"enabled", "cases"})
@@ -98,9 +74,11 @@ class Section(BaseModel):
     @field_validator("*", mode="before")
     @classmethod
     def _no_yes_for_a_number(cls, value: Any, info: ValidationInfo) -> Any:
-        """Pydantic would take `yes` in a file, or True in Python, for the number 1."""
+        """Pydantic would take `yes` in a file, or True in Python, for the number 1; a section without keys is null."""
         values = value if isinstance(value, (list, tuple)) else [value]
         field = cls.model_fields[str(info.field_name)]
+        if value is None and isinstance(field.default, Section):
+            return field.default
         if any(isinstance(one, bool) for one in values) and not _takes_bool(field.annotation):
             raise ValueError("true and false are not accepted here")
         return value
@@ -123,23 +101,3 @@ class Section(BaseModel):
     def runs(self, *, aged: bool) -> bool:  # noqa: ARG002, one stage asks for it
         """Whether the line has the stage of this section; `aged`: the gestational age of the case is known."""
         return bool(getattr(self, "enabled", True))
-
-    def programs(self) -> dict[str, str]:
-        """Programs outside Python that the stage calls -> the key that avoids them."""
-        return {}
-
-    def excludes_inner_surfaces(self) -> str:
-        """The key, and its value, with which the stage cannot process inner surfaces; "" if it can."""
-        return ""
-
-    @classmethod
-    def meanings(cls) -> dict[str, str]:
-        """Key -> the docstring below it; from the source, which only this method reads, so that jobs do not."""
-        found: dict[str, str] = {}
-        for base in reversed(cls.__mro__):
-            if issubclass(base, Section) and base.__qualname__ in vars(sys.modules[base.__module__]):
-                body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0].body  # type: ignore[attr-defined]
-                for key, below in pairwise(body):
-                    if isinstance(key, ast.AnnAssign) and isinstance(below, ast.Expr):
-                        found[key.target.id] = inspect.cleandoc(below.value.value)  # type: ignore[attr-defined,union-attr]
-        return found

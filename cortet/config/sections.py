@@ -5,16 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, NonNegativeInt, PositiveInt
 
 from cortet.config.section import (
     AsShares,
     Cases,
     CellSize,
     Fraction,
-    NonNegativeInt,
     Positive,
-    PositiveInt,
     Section,
     Subdivisions,
     Threshold,

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
 
 from cortet.config.section import (
     AsList,
     Boundary,
     CellSize,
     Fraction,
-    NonNegativeInt,
     Positive,
-    PositiveInt,
     Section,
     Threshold,
 )
@@ -198,10 +196,6 @@ class Relocate(Section):
     boundary: Literal["fixed", "free"] = "fixed"
     """fixed keeps boundary nodes on the surface, where S1 placed them. free lets Gmsh move them, too."""
 
-    def excludes_inner_surfaces(self) -> str:
-        """Gmsh is given the boundary only."""
-        return "relocate.enabled: true"
-
 
 class Clean(Section):
     """S4: worst-element cleaning; only vertices move."""
@@ -217,14 +211,6 @@ class Clean(Section):
     """true adds sweeps over all vertices, before and after the passes, that improve the mean q. meshtool has none."""
     backend: Literal["cortet", "meshtool"] = "cortet"
     """cortet: our own kernel. meshtool: an installed meshtool binary (needs boundary: free, improve_mean: false)."""
-
-    def programs(self) -> dict[str, str]:
-        """Meshtool, where it is the backend."""
-        return {"meshtool": "clean.backend: cortet"} if self.backend == "meshtool" else {}
-
-    def excludes_inner_surfaces(self) -> str:
-        """A boundary that is free leaves the interfaces, too."""
-        return "clean.boundary: free" if self.boundary == "free" else ""
 
     @model_validator(mode="after")
     def _backend_has_it(self) -> Clean:
@@ -248,10 +234,6 @@ class Reconnect(Section):
     insert: bool = True
     """true also inserts interior nodes where no swap helps, for example between the two sides of a thin gyrus."""
 
-    def excludes_inner_surfaces(self) -> str:
-        """A boundary that is free leaves the interfaces, too."""
-        return "reconnect.boundary: free" if self.boundary == "free" else ""
-
 
 class SmoothBoundary(Section):
     """Post-mesh smoothing of the boundary (paper, section 4.4), followed by its own cleaning."""
@@ -265,10 +247,6 @@ class SmoothBoundary(Section):
     """true projects the boundary back onto the surface after each iteration. false lets it leave the surface."""
     thresholds: list[Threshold] = [0.7, 0.5]
     """Thresholds of the cleaning that follows, as in clean. A pass at 0.3 does not converge here (paper)."""
-
-    def excludes_inner_surfaces(self) -> str:
-        """Interfaces that left their surfaces would meet."""
-        return "" if self.onto_surface else "smooth_boundary.onto_surface: false"
 
 
 class Snap(Section):

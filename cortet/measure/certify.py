@@ -173,12 +173,8 @@ def certify(
 
     Raises
     ------
-    StageError
-        the mesh has no boundary, so nothing can be measured
-    InputError
-        `source` cannot be read, the cell size is out of bounds (`limits.CELL_SIZE_MM`) or
-        larger than the surface,
-        a coordinate is not finite, or the mesh has no elements
+    StageError : the mesh has no boundary, so nothing can be measured
+    InputError : the cell size is larger than the surface
     """
     if cell_size is not None:
         require_within(cell_size, CELL_SIZE_MM, "the cell size in mm")

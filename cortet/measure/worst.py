@@ -131,12 +131,12 @@ def worst_elements(
     hold = finer if "reconnect" in stages else _USE_RECONNECT
     free = _CLEAN_MORE if "clean" in stages else _USE_CLEAN
     found = []
-    for element in _largest(q, count):
-        reason, bound, held = _reason(mesh, around, int(element), float(q[element]), normals, on_boundary)
+    for element in np.argsort(-q, kind="stable")[:count].tolist():
+        reason, bound, held = _reason(mesh, around, element, float(q[element]), normals, on_boundary)
         x, y, z = mesh.points[mesh.cells[element]].mean(axis=0).tolist()
         found.append(
             WorstElement(
-                element=int(element),
+                element=element,
                 q=float(q[element]),
                 centre_mm=(x, y, z),
                 boundary_nodes=int(on_boundary[mesh.cells[element]].sum()),
@@ -146,13 +146,6 @@ def worst_elements(
             )
         )
     return tuple(found)
-
-
-def _largest(values: FloatArray, count: int) -> NDArray[np.int64]:
-    """Indices of the largest values, largest first; ties in the order of the index."""
-    threshold = np.partition(values, -count)[-count] if count < len(values) else -np.inf
-    candidates = np.flatnonzero(values >= threshold)
-    return candidates[np.argsort(-values[candidates], kind="stable")][:count]
 
 
 def _reason(

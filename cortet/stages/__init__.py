@@ -247,21 +247,24 @@ def certify_record(config: Config, cell_size: float) -> dict[str, Any]:
 
 
 def require_programs(config: Config) -> None:
-    """Raise InputError naming a program that the line calls and that is not installed."""
-    for stage in stages_of(config):
-        for program, instead in stage.section_of(config).programs().items():
-            if shutil.which(program) is None:
-                raise InputError(
-                    f"the program {program} is not installed", remedy=f"add it to the PATH, or set {instead}"
-                )
+    """Raise InputError if the line calls meshtool, which is not installed."""
+    if config.clean.enabled and config.clean.backend == "meshtool" and shutil.which("meshtool") is None:
+        remedy = "add it to the PATH, or set clean.backend: cortet"
+        raise InputError("the program meshtool is not installed", remedy=remedy)
 
 
 def require_nesting(config: Config) -> None:
     """Raise InputError if a mesher or a stage of the line knows no inner surfaces."""
-    unable = [name for name in config.generate.meshers if not MESHERS[name].regions]
-    keys = [f"generate.meshers: {', '.join(config.generate.meshers)}"] if unable else []
-    keys += [stage.section_of(config).excludes_inner_surfaces() for stage in stages_of(config, nested=True)]
-    for key in filter(None, keys):
+    meshers, smoothing = config.generate.meshers, config.smooth_boundary
+    # Gmsh is given the boundary only; a boundary that may leave its surface leaves the interfaces, too
+    unable = {
+        f"generate.meshers: {', '.join(meshers)}": not all(MESHERS[name].regions for name in meshers),
+        "relocate.enabled: true": config.relocate.enabled,
+        "clean.boundary: free": config.clean.enabled and config.clean.boundary == "free",
+        "reconnect.boundary: free": config.reconnect.enabled and config.reconnect.boundary == "free",
+        "smooth_boundary.onto_surface: false": smoothing.enabled and not smoothing.onto_surface,
+    }
+    if key := next((key for key, is_set in unable.items() if is_set), None):
         raise InputError(
             f"{key} does not support inner surfaces", remedy="use the setting `default` for cases with inner surfaces"
         )

@@ -62,7 +62,6 @@ def test_an_index_of_no_point_is_refused_with_element_and_range(index, shown):
         (MESH.points, MESH.cells.astype(float), "float64"),
         (MESH.points, MESH.cells > 0, "bool"),
         (MESH.points, MESH.cells[:, :3], r"\(n, 4\)"),
-        (MESH.points, [[0, 1, 2, 3], [0, 1]], "to an array"),
         (MESH.points.astype(str), MESH.cells, "<U"),
         (MESH.points[:, :2], MESH.cells, r"\(n, 3\)"),
     ],

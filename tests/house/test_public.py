@@ -63,15 +63,7 @@ def test_other_programs_get_the_arrays_of_the_file(folder):
     assert np.array_equal(grid.cell_data["q"], made.quality.astype(np.float32))
     for name in ("q", "region"):
         assert np.array_equal(grid.cell_data[name], file.cell_data[name])
-    assert made.nodes is made.points and made.tetrahedra is made.cells
-    assert (made.n_points, made.n_cells) == (grid.n_points, grid.n_cells)
     assert made.volume == pytest.approx(grid.volume)
-
-
-def test_an_error_of_a_call_has_no_frames_inside_cortet(folder):
-    with pytest.raises(InputError, match="nofile") as raised:
-        cortet.mesh(folder / "nofile.surf.gii")
-    assert len(raised.traceback) == 2 and raised.value.__cause__ is None
 
 
 def test_a_mesh_of_another_program_is_improved_and_certified(folder, tmp_path):

@@ -85,7 +85,6 @@ def coarse(text: str) -> str:
     if re.match("cortet mesh ", text) and "--cell-size" not in text:
         text += " --cell-size 4"
     text = re.sub("^cortet phantom ", "cortet phantom --subdivisions 3 ", text)
-    text = re.sub("^cortet head ", "cortet head --subdivisions 4 ", text)
     text = re.sub("^cortet fold ", "cortet fold --force ", text)
     text = re.sub(r"^cortet fold (?!.*--end).*--ga (\d+).*", r"\g<0> --end \1.02", text)
     text = re.sub(r"^cortet cohort scan .*", r"\g<0> --force", text)  # pages share a folder, and name the same sheet

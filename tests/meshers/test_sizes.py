@@ -43,7 +43,7 @@ def test_a_region_asks_at_its_surface_alone():
     ("sizes", "word"),
     [({"thalamus": 1.0}, "thalamus"), ({"cortex": 0.1}, "0.1 mm"), ({"dseg.nii.gz:7": 1.0}, "name one of cortex")],
 )
-def test_sizes_that_cannot_be_are_refused_before_any_stage(sizes, word):
+def test_sizes_that_cannot_be_are_refused(sizes, word):
     with pytest.raises(InputError, match=word):
         cortet.mesh(ball_surface(3, radius=10.0), H, settings={"generate": {"sizes": sizes}}, progress=False)
 

@@ -5,21 +5,27 @@ from __future__ import annotations
 import hashlib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from shapes import ball_surface, real_surface
 
-from cortet.config import Config, load
+from cortet.config import load
 from cortet.formats.gifti import write_surface
 from cortet.geometry.nesting import nested
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.certify import Certificate
 from cortet.measure.fidelity import fidelity
 from cortet.meshes import TetMesh, TriSurface
-from cortet.pipeline import mesh_surface, run, stages
+from cortet.pipeline import mesh_surface, run
+from cortet.stages import stages_of
 
 FAST = {"generate": {"cell_size": 5.0, "odt": False, "lloyd": False}}
+
+
+def stages(data: dict[str, Any], *, aged: bool) -> list[str]:
+    return [stage.name for stage in stages_of(load(data), aged=aged)]
 
 
 @pytest.fixture(scope="module")
@@ -46,21 +52,21 @@ def made(ball: TriSurface, file: Path) -> tuple[TetMesh, Certificate, list[str]]
 
 def test_the_line_has_the_stages_that_the_configuration_enables():
     line = ["repair", "gate", "smooth_surface", "generate", "clean", "reconnect", "solver_ready"]
-    assert stages(Config(), gestational_age=28.0) == line
-    assert stages(load({"setting": "cgal"}), gestational_age=28.0) == [*line[:4], "relocate", *line[4:]]
-    assert stages(Config(), gestational_age=None) == line
-    by_age = load({"smooth_surface": {"method": "published"}})
-    assert stages(by_age, gestational_age=None) == [stage for stage in line if stage != "smooth_surface"]
-    published = stages(load({"setting": "published"}), gestational_age=28.0)
+    assert stages({}, aged=True) == line
+    assert stages({"setting": "cgal"}, aged=True) == [*line[:4], "relocate", *line[4:]]
+    assert stages({}, aged=False) == line
+    by_age = {"smooth_surface": {"method": "published"}}
+    assert stages(by_age, aged=False) == [stage for stage in line if stage != "smooth_surface"]
+    published = stages({"setting": "published"}, aged=True)
     assert not {"repair", "reconnect"} & set(published)
-    snapping = load({"clean": {"enabled": False}, "snap": {"enabled": True}})
-    assert stages(snapping, gestational_age=None)[4:] == ["reconnect", "snap", "solver_ready"]
+    snapping = {"clean": {"enabled": False}, "snap": {"enabled": True}}
+    assert stages(snapping, aged=False)[4:] == ["reconnect", "snap", "solver_ready"]
 
 
 def test_the_mesh_is_certified_faithful_and_says_how_it_was_made(made, ball, file):
     mesh, certificate, seen = made
     assert certificate.certified, certificate.reasons
-    assert seen == stages(load(FAST), gestational_age=None)
+    assert seen == stages(FAST, aged=False)
     assert certificate.quality.q.max < 0.6
     assert fidelity(mesh, ball).nodes_to_surface_mm.max < 1e-3
     nodes = boundary_nodes(mesh)

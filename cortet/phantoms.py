@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from cortet.config.stages import Regions
-from cortet.errors import InputError, short_traceback
+from cortet.errors import InputError
 from cortet.geometry import topology
 from cortet.geometry.icosphere import icosphere
 from cortet.geometry.limits import PHANTOM_AGES, SUBDIVISIONS, THICKNESS_MM, require_within
@@ -110,7 +110,6 @@ _RELIEF = (
 )
 
 
-@short_traceback
 def phantom(gestational_age: float, *, hemisphere: str = "L", subdivisions: int = 5, seed: int = 0) -> TriSurface:
     """Inner cortical surface of one synthetic hemisphere, mm, left or right of the plane x = 0.
 
@@ -127,10 +126,6 @@ def phantom(gestational_age: float, *, hemisphere: str = "L", subdivisions: int 
     -------
     vertices (n, 3) mm, faces (m, 3)
 
-    Raises
-    ------
-    InputError : the age or the number of subdivisions is out of range, the seed below 0, the hemisphere neither L nor R
-
     Examples
     --------
     >>> cortet.phantom(28, subdivisions=4).points.shape
@@ -144,7 +139,7 @@ def phantom_with_sphere(
 ) -> tuple[TriSurface, TriSurface]:
     """A phantom, and the unit sphere that it was made from: a point of the sphere is the same anatomy in every phantom.
 
-    Parameters and errors are those of `phantom`.
+    Parameters are those of `phantom`.
     """
     require_within(gestational_age, PHANTOM_AGES, "the gestational age of a phantom in weeks")
     require_within(subdivisions, SUBDIVISIONS, "the number of subdivisions of the icosahedron")
