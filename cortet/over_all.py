@@ -249,7 +249,7 @@ def _tables(plan: Plan) -> dict[str, list[str]]:
     """Files of each table of a cohort, and of the citation."""
     return {
         "status": files_of(plan, "cohort_status", ".tsv", ".json"),
-        "quality": files_of(plan, "cohort_quality", ".tsv", ".json", ".html"),
+        "quality": files_of(plan, "cohort_quality", ".tsv", ".json"),
         "summary": files_of(plan, "cohort_summary", ".tsv", ".json"),
         "stages": files_of(plan, "cohort_stages", ".tsv", ".json"),
         **({"tissues": files_of(plan, "cohort_tissues", ".tsv", ".json")} if plan.has_volumes else {}),

@@ -28,7 +28,7 @@ from cortet.report.colours import BLUE
 from cortet.version import __version__
 
 #: version of the pages of cases and of the cohort, and of their templates
-VERSION: int = 11
+VERSION: int = 12
 
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("cortet.report", "templates"),

@@ -12,7 +12,6 @@ import matplotlib as mpl
 import matplotlib.image
 import numpy as np
 import pyvista
-from matplotlib.colors import Colormap
 from numpy.typing import NDArray
 
 from cortet.errors import InputError, StageError
@@ -208,7 +207,7 @@ def surface_view(
     size: tuple[int, int] = (900, 675),
     values: FloatArray | None = None,
     limits: tuple[float, float] = (0.0, 1.0),
-    colours: str | Colormap = "Greys",
+    colours: str = "Greys",
     framed: bool = True,
 ) -> NDArray[np.uint8]:
     """Draw a surface from the left or the right of the head; open and branching edges are drawn over it.
@@ -220,7 +219,7 @@ def surface_view(
     size : pixels, width and height
     values : (m,) one per face, which colours the faces; None: the surface is grey
     limits : values of the first and the last colour
-    colours : Matplotlib colour map, or its name
+    colours : name of a colour map of Matplotlib
     framed : whether a scale bar and the directions stand below the surface
 
     Returns

@@ -1,9 +1,8 @@
-"""Tables in several forms: TSV with a JSON sidecar for machines; LaTeX, Markdown and HTML for readers."""
+"""Tables in several forms: TSV with a JSON sidecar for machines; LaTeX and Markdown for readers."""
 
 from __future__ import annotations
 
 import math
-import operator
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -15,7 +14,6 @@ from pandas.io.formats.style import Styler
 from cortet.formats.atomic import atomic_path
 from cortet.formats.tables import Column, Row, described, headed, write_table
 from cortet.formats.tsv import MISSING
-from cortet.report import pages
 
 VERSION: int = 6
 
@@ -50,7 +48,7 @@ class Table:
 
 
 def write(table: Table, rows: pd.DataFrame | Iterable[Row], *paths: str | Path) -> None:
-    """Write the table once per path, in the form of its suffix: tsv, json (the sidecar of the TSV), tex, md or html.
+    """Write the table once per path, in the form of its suffix: tsv, json (the sidecar of the TSV), tex or md.
 
     Parameters
     ----------
@@ -61,8 +59,6 @@ def write(table: Table, rows: pd.DataFrame | Iterable[Row], *paths: str | Path) 
     for path in map(Path, paths):
         if path.suffix in (".tsv", ".json"):
             write_table(table.columns, frame, path)
-        elif path.suffix == ".html":
-            _write_html(table, texts, starts, path)
         else:
             text = _latex(table, texts, starts) if path.suffix == ".tex" else _markdown(table, texts)
             with atomic_path(path) as temporary:
@@ -178,17 +174,3 @@ def _italic(text: str) -> str:
 def _no_bar(text: str) -> str:
     """A text for a cell of Markdown, where a bar would end the cell."""
     return text.replace("|", r"\|")
-
-
-def _write_html(table: Table, texts: pd.DataFrame, starts: Sequence[int], path: Path) -> None:
-    columns = [
-        Column(
-            name, heading=name, form=operator.itemgetter(name) if place and _of_numbers(texts.iloc[:, place]) else ""
-        )
-        for place, name in enumerate(texts)
-    ]
-    rows = texts.to_dict("records")
-    rules = [{"class": "rule"} if number in starts else {} for number in range(len(rows))]
-    meanings = {column.heading: column.description for column in table.printed}
-    shown = pages.table("", columns, rows, name=table.title, cohort=True, missing=MISSING, attributes=rules)
-    pages.write(path, table.title, [], end=[shown, ("story", {"texts": meanings})], wide=True)
