@@ -6,7 +6,6 @@ import re
 import unicodedata
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -134,14 +133,3 @@ def age_of_growth(name: str) -> float | None:
     """The age in weeks up to which a field of this name holds growth; None if it is not such a field."""
     found = _GROWTH.fullmatch(name)
     return float(found[1].replace("_", ".")) if found else None
-
-
-def check_age(name: str, own_name: str, file: str | Path) -> None:
-    """Raise InputError for growth that is named for another age than the one up to which it was measured."""
-    wanted, measured = age_of_growth(name), age_of_growth(own_name)
-    if wanted is not None and measured is not None and wanted != measured:
-        raise InputError(
-            f"holds growth up to {measured:g} weeks, but the field is named {name}",
-            file=file,
-            remedy=f"name it {own_name}",
-        )

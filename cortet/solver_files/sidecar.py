@@ -10,10 +10,9 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, FiniteFloat
 
 from cortet.errors import InputError
 from cortet.formats.hashing import sha256
@@ -95,57 +94,14 @@ def sidecar(
     }
 
 
-class _Field(BaseModel):
-    """The part of a field's record that is read."""
-
-    source: str
-    source_sha256: str
-    units: str
-    kind: Literal["label", "scalar", "unknown"]
-    interior: str
-
-
-class _Frame(BaseModel, extra="forbid"):
-    dataspace: str
-    xformspace: str
-    matrix: Annotated[list[FiniteFloat], Field(min_length=16, max_length=16)]
-
-
-class _Surface(BaseModel):
-    file: str
-    sha256: str
-
-
-class _MadeFrom(BaseModel):
-    """The part of a mesh's origin that is read."""
-
-    given: dict[str, _Surface]
-    meshed: dict[str, _Surface]
-    hemisphere: Literal["L", "R"] | None = None
-    gestational_age: Annotated[FiniteFloat, Field(strict=True)] | None = None
-    #: share of the volume of each layer of the cortex, the outermost first
-    layers: list[FiniteFloat] = []
-
-
-class _Record(BaseModel):
-    """The part of a sidecar, of whatever origin, that is read."""
-
-    fields_: dict[str, _Field] = Field(alias="fields")
-    files: dict[str, str] = {}
-    units: dict[str, str] = {}
-    coordinate_system: _Frame | None = None
-    made_from: _MadeFrom | None = None
-
-
 def read_sidecar(path: Path) -> dict[str, Any]:
-    """Content of the sidecar of a mesh file; empty if there is none."""
+    """Content of the sidecar of a mesh file; empty if there is none, or a JSON file of another program."""
     file = sidecar_path(path)
     if not file.exists():
         return {}
-    with by_library("a sidecar of a mesh", file):
+    with by_library("JSON", file):
         record: dict[str, Any] = json.loads(content(file))
-        _Record.model_validate(record)
-    return record
+    return record if files_of(file) else {}
 
 
 def changed_since(path: Path) -> bool:

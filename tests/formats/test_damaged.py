@@ -27,7 +27,7 @@ from cortet.formats import FORMATS
 from cortet.formats.gifti import read_fields, read_surface, write_surface
 from cortet.formats.untrusted import safely_named
 from cortet.solver_files.export import convert, export
-from cortet.solver_files.sidecar import sidecar_path
+from cortet.solver_files.sidecar import read_sidecar, sidecar_path
 
 #: of the files that `damages` makes
 KINDS = [
@@ -137,11 +137,14 @@ def test_a_json_file_of_another_kind_is_no_sidecar(tmp_path):
     path, other = tmp_path / "m.vtu", tmp_path / "precious.gii"
     other.touch()
     export(full_mesh(), path, solver="vtu", certificate={"certified": True})
-    record = json.loads(sidecar_path(path).read_text())
-    for strange in ({}, [], record | {"units": 3}, record | {"fields": {"thickness": 3}}, record | {"made_from": {}}):
-        sidecar_path(path).write_text(json.dumps(strange))
-        with pytest.raises(InputError, match=r"m\.vtu\.json"):
-            convert(path, tmp_path / "n.mesh", source_unit="mm")
+    text = sidecar_path(path).read_text()
+    for strange in ("{}", "[]", '{"units": 3}'):
+        sidecar_path(path).write_text(strange)
+        assert read_sidecar(path) == {}
+    sidecar_path(path).write_text(text[:-9])
+    with pytest.raises(InputError, match=r"m\.vtu\.json"):
+        convert(path, tmp_path / "n.mesh", source_unit="mm")
+    record = json.loads(text)
     sidecar_path(path).write_text(json.dumps({**record, "files": {**record["files"], "precious.gii": ""}}))
     export(full_mesh(), path, solver="vtu", certificate={"certified": True})
     assert other.exists()
