@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.formats.surface_sets import CORE
-from cortet.formats.tags import face_tags, region_numbers, regions
+from cortet.formats.tags import face_tags, regions
 from cortet.formats.untrusted import safely_named
 from cortet.meshes import REGION, MeshSets, TetMesh
 from cortet.solver_files.sets import set_name
@@ -76,8 +75,6 @@ def left_out(mesh: TetMesh, back: TetMesh) -> list[str]:
     for what, before, after in zip(whats, _named(mesh), _named(back), strict=True):
         lost = [name for name in before if name not in after]
         lost = [name for name in lost if name != REGION]  # every format has the numbers
-        if before is mesh.sets.cells and after and _is_of_regions(mesh, CORE):
-            lost = [name for name in lost if name != CORE]
         one = after and what in whats[3:]
         why = "an element can be in only one set" if one else f"the format has no {what}"
         told += [f"left out, because {why}: {', '.join(lost)}"] if lost else []
@@ -85,13 +82,6 @@ def left_out(mesh: TetMesh, back: TetMesh) -> list[str]:
         if before is mesh.sets.cells and after and volumes:
             told.append(f"`cortet convert --tags {volumes[0]}` writes labels of {volumes[0]} in place of the regions")
     return told
-
-
-def _is_of_regions(mesh: TetMesh, name: str) -> bool:
-    """Whether a set of tetrahedra is made of whole regions, which tell it."""
-    number = region_numbers(mesh)
-    own = number[mesh.sets.cells.get(name, np.empty(0, np.int32))]
-    return int(np.count_nonzero(np.isin(number, own))) == len(own)
 
 
 def _named(mesh: TetMesh) -> tuple[Mapping[str, object], ...]:
