@@ -23,13 +23,7 @@ from cortet.meshes import TetMesh
 
 
 def write(mesh: TetMesh, path: str | Path) -> None:
-    """Write a mesh whose surface nodes come first (`stages.solver_ready`), with coordinates in mm to 1e-9.
-
-    Raises
-    ------
-    InputError
-        the surface nodes do not come first
-    """
+    """Write a mesh whose surface nodes come first (`stages.solver_ready`), with coordinates in mm to 1e-9."""
     surface_nodes = boundary_nodes(mesh)
     if surface_nodes[-1] != len(surface_nodes) - 1:
         raise InputError("surface nodes do not come first", file=path, remedy="run the stage solver_ready before")

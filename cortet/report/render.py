@@ -91,10 +91,6 @@ def picture(
     view : side from which it is seen; None: from the cut, a little from above and beside
     regions : whether colours are those of regions (`REGION_COLOURS`) instead of q; None: where surfaces part them
     size : pixels, width and height
-
-    Raises
-    ------
-    InputError : the mesh has no regions, or the plane leaves none of it
     """
     k = _AXES[axis]
     if regions is None:
@@ -259,13 +255,7 @@ def webp(image: NDArray[np.uint8]) -> bytes:
 
 @contextmanager
 def off_screen(size: tuple[int, int]) -> Iterator[pyvista.Plotter]:
-    """A white picture of `size` pixels to draw in, without a display.
-
-    Raises
-    ------
-    InputError : no picture can have this size
-    StageError : the graphics library cannot draw here
-    """
+    """A white picture of `size` pixels to draw in, without a display."""
     sides = size if isinstance(size, tuple | list) and len(size) == 2 else [0]
     if not all(isinstance(pixels, int | np.integer) and 1 <= pixels <= _MOST_PIXELS for pixels in sides):
         what = f"a picture of {size!r} pixels cannot be drawn"

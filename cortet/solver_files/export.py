@@ -116,13 +116,6 @@ def export(
     Returns
     -------
     which fields and sets the format cannot hold, or not by their names, in words
-
-    Raises
-    ------
-    InputError
-        a field has no real numbers
-    StageError
-        the certificate is of a different mesh, or the mesh is not certified or breaks a convention of solvers
     """
     require_certified(mesh, certificate, path, uncertified=uncertified)
     return _write_all(mesh, path, FORMATS[solver], unit, final_name(path), about)
@@ -196,14 +189,6 @@ def convert(
     Returns
     -------
     what was changed on the way, in words
-
-    Raises
-    ------
-    InputError
-        a file name selects no format; or `source` cannot be read, holds a surface, has inverted tetrahedra, has not the
-        size of a brain, or holds tetrahedra that fill no body
-    StageError
-        the mesh breaks a convention of solvers
     """
     written_as, record = format_of(target), read_sidecar(source)
     done = [f"{source.name} was {CHANGED}"] if changed_since(source) else []

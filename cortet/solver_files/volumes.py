@@ -109,10 +109,6 @@ def backgrounds(volumes: Mapping[str, Volume], surface: TriSurface) -> list[Back
     Parameters
     ----------
     surface : of the brain, or with brains inside it; in mm, in its frame; coordinates need not be finite
-
-    Raises
-    ------
-    InputError : a volume does not cover the brain, or most of its labels lie beside it
     """
     if not volumes:
         return []
