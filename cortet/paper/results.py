@@ -12,7 +12,7 @@ from cortet.report.results import Results, files_of
 
 #: tables of the paper, which are written in these forms
 _TABLES = ("table-ablation", "table-resolution", "table-measures")
-_FORMS = (".tsv", ".json", ".tex", ".md")
+_FORMS = (".tsv", ".json", ".tex")
 _PICTURES = (".svg", ".pdf", ".png")
 
 

@@ -39,13 +39,8 @@ _ORDER_IN_WORDS = (
     "Failed cases come first, then those that are not certified, then those with the worst elements. A name leads to "
     "the page of its mesh."
 )
-#: column of a panel of `figures.cohort_figure` -> what it shows, in words
-_SHOWS = {
-    "tets": "Number of tetrahedra",
-    "q_mean": "Mean q",
-    "q_max": "Worst q",
-    "surface_to_boundary_mean_mm": "Mean distance of the surface to the mesh",
-}
+#: what `figures.cohort_figure` shows, in words
+_SHOWS = "Number of tetrahedra, mean q, worst q, and mean distance of the surface to the mesh"
 
 
 def write_cohort_page(
@@ -54,7 +49,7 @@ def write_cohort_page(
     path: str | Path,
     *,
     meshes: Sequence[Mapping[str, Any]],
-    charts: Mapping[str, str] | None = None,
+    figure: str = "",
     maps: Mapping[Literal["L", "R"], Path] | None = None,
     tissues: Path | None = None,
     more: Sequence[PagePart] = (),
@@ -71,7 +66,7 @@ def write_cohort_page(
     meshes : per mesh `case`, `cell_size_mm`, `mesher` and `page`, the address of its page as seen from this page; also
         `thumbnail`, a small picture as a `data:` address, or None; and `scan_age` and `hemi`, so that meshes that
         were not measured show them, too
-    charts : panels of `figures.cohort_figure`, column -> SVG
+    figure : SVG of `figures.cohort_figure`
     maps : hemisphere, L or R -> PNG file of its maps on the common mesh
     tissues : `cohort_tissues.tsv`; None if no case has volumes
     more : further parts of the page
@@ -86,14 +81,11 @@ def write_cohort_page(
     rows = ordered(rows)
     counts = _counts(rows)
     panels = [Panel("cases", "Cases", _cases(rows, explained, list(counts)))]
-    if charts:
+    if figure:
         aged = "scan_age" in rows and (rows["scan_age"] != MISSING).any()
         over = "against gestational age, over the published cohort in grey" if aged else "by case"
-        shown = [
-            (pages.embedded(svg, column), f"{_SHOWS[column]} {over}; the table has the numbers")
-            for column, svg in charts.items()
-        ]
-        panels.append(Panel("age", "Against age" if aged else "By case", [("charts", shown)]))
+        shown = {"svg": pages.embedded(figure, "cohort"), "alt": f"{_SHOWS} {over}; the table has the numbers"}
+        panels.append(Panel("age", "Against age" if aged else "By case", [("figure", shown)]))
     if maps:
         drawn = [
             captioned(png(file), f"Means over the {SIDES[hemi]} hemispheres, at the vertices that they share")

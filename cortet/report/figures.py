@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from string import ascii_lowercase
@@ -95,9 +95,7 @@ def legend(figure: Figure, axes: Iterable[Axes], *, columns: int) -> None:
     figure.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=min(len(handles), columns))
 
 
-def cohort_figure(
-    table: Path, *, limit: float | None = None, target: float | None = None, panels: Sequence[str] = tuple(PANELS)
-) -> Figure:
+def cohort_figure(table: Path, *, limit: float | None = None, target: float | None = None) -> Figure:
     """Tetrahedra, mean q, worst q and fidelity of every mesh against gestational age, over the published cohort.
 
     If no age is known, meshes stand side by side in the order of the table, without the published ones; else those of
@@ -112,10 +110,9 @@ def cohort_figure(
     table : `cohort_quality.tsv`
     limit : of the worst q, drawn as a line; None draws none
     target : of the worst q, below which nothing is improved, drawn as a dotted line; None draws none
-    panels : columns of the table; a single one has the width of a column
     """
     rows, theirs = read_tsv(table), published.cohort()
-    numbers = ["cell_size_mm", "scan_age", *panels]
+    numbers = ["cell_size_mm", "scan_age", *PANELS]
     rows[numbers] = rows[numbers].apply(pd.to_numeric, errors="coerce")  # an age may be n/a
     label_of_x = "gestational age (weeks)"
     if rows["scan_age"].isna().all():
@@ -124,19 +121,17 @@ def cohort_figure(
     rows = rows.dropna(subset="scan_age")
     refused = rows[rows["verdict"] == "fail"] if "verdict" in rows else rows[:0]
     like = bool(np.isclose(rows["cell_size_mm"], published.CELL_SIZE).any())
-    several = len(panels) > 1
-    with drawn(*((PAGE, 4.6) if several else (COLUMN, 2.6))) as figure:
-        axes = figure.subplots(2 if several else 1, 2 if several else 1, sharex=True, squeeze=False).ravel()
-        if several:
-            letter(axes)
-        for axis, column in zip(axes, panels, strict=True):
+    with drawn(PAGE, 4.6) as figure:
+        axes = figure.subplots(2, 2, sharex=True).ravel()
+        letter(axes)
+        for axis, (column, label_of_y) in zip(axes, PANELS.items(), strict=True):
             unit = 1000 if column == "tets" else 1
             _panel(axis, rows, theirs if column in theirs and (like or column != "tets") else None, column, unit)
             if len(refused):
                 mark = {"s": 22, "marker": "x", "color": "black", "linewidths": 0.8, "clip_on": False, "zorder": 3}
                 label_of = f"not certified ($n$ = {len(refused)})"
                 axis.scatter(refused["scan_age"], refused[column] / unit, label=label_of, **mark)
-            axis.set(xlabel=label_of_x, ylabel=PANELS[column])
+            axis.set(xlabel=label_of_x, ylabel=label_of_y)
             axis.tick_params(labelbottom=True)
             axis.xaxis.set_major_locator(MaxNLocator(8, integer=True, min_n_ticks=1))
             if column == "q_mean":
@@ -160,7 +155,7 @@ def cohort_figure(
                     f"grey: {H} = {published.CELL_SIZE:g} mm", (0.02, 1), xycoords="axes fraction",
                     ha="left", va="bottom", fontsize="small", color=DARK_GREY,
                 )  # fmt: skip
-        legend(figure, axes, columns=4 if several else 2)
+        legend(figure, axes, columns=4)
     return figure
 
 

@@ -1,4 +1,4 @@
-"""Tables in several forms: TSV with a JSON sidecar for machines; LaTeX and Markdown for readers."""
+"""Tables in several forms: TSV with a JSON sidecar for machines; LaTeX for readers."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Table:
 
 
 def write(table: Table, rows: pd.DataFrame | Iterable[Row], *paths: str | Path) -> None:
-    """Write the table once per path, in the form of its suffix: tsv, json (the sidecar of the TSV), tex or md.
+    """Write the table once per path, in the form of its suffix: tsv, json (the sidecar of the TSV) or tex.
 
     Parameters
     ----------
@@ -57,12 +57,11 @@ def write(table: Table, rows: pd.DataFrame | Iterable[Row], *paths: str | Path) 
     frame = rows if isinstance(rows, pd.DataFrame) else pd.DataFrame(list(rows), dtype=object)
     texts, starts = printed(table, frame), starts_of_groups(frame, table.group)
     for path in map(Path, paths):
-        if path.suffix in (".tsv", ".json"):
-            write_table(table.columns, frame, path)
-        else:
-            text = _latex(table, texts, starts) if path.suffix == ".tex" else _markdown(table, texts)
+        if path.suffix == ".tex":
             with atomic_path(path) as temporary:
-                temporary.write_text(text, encoding="utf-8")
+                temporary.write_text(_latex(table, texts, starts), encoding="utf-8")
+        else:
+            write_table(table.columns, frame, path)
 
 
 def printed(table: Table, rows: pd.DataFrame) -> pd.DataFrame:
@@ -156,21 +155,3 @@ def _of_numbers(texts: pd.Series[str]) -> bool:
     """Whether all cells of a column that have a value hold numbers."""
     known = [text for text in texts if text != MISSING]
     return bool(known) and all(map(_NUMBER.fullmatch, known))
-
-
-def _markdown(table: Table, texts: pd.DataFrame) -> str:
-    escaped = texts.map(_no_bar).rename(columns=lambda text: _no_bar(_italic(text)))
-    notes = [f"- **{_italic(column.heading)}**: {column.description}" for column in table.printed]
-    sides = ["right" if _of_numbers(texts.iloc[:, place]) else "left" for place in range(len(texts.columns))]
-    cells = escaped.to_markdown(index=False, tablefmt="pipe", disable_numparse=True, colalign=sides)
-    return "\n".join([f"**{table.title}**", "", cells, "", *notes, ""])
-
-
-def _italic(text: str) -> str:
-    """A heading for Markdown, with its symbols in italics."""
-    return _SYMBOL.sub(lambda found: f"*{found[1]}*" + (f"<sub>{found[2]}</sub>" if found[2] else ""), text)
-
-
-def _no_bar(text: str) -> str:
-    """A text for a cell of Markdown, where a bar would end the cell."""
-    return text.replace("|", r"\|")
