@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import sides, with_surface
 from cortet.formats.tags import regions
-from cortet.formats.text import write_rows, write_wrapped
-from cortet.formats.values import in_32_bits
+from cortet.formats.values import in_32_bits, write_rows, write_wrapped
 from cortet.meshes import FloatArray, IntArray, TetMesh
 
 #: names of the sets of all nodes and of all elements

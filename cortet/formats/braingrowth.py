@@ -16,8 +16,8 @@ from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import SURFACE, with_surface
 from cortet.formats.tags import face_tags, region_numbers
-from cortet.formats.text import write_rows
 from cortet.formats.untrusted import by_library, content, sound
+from cortet.formats.values import write_rows
 from cortet.geometry.topology import boundary_nodes, compact
 from cortet.meshes import TetMesh
 

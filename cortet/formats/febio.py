@@ -23,8 +23,7 @@ from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import with_surface
 from cortet.formats.tags import region_numbers, regions
-from cortet.formats.text import write_rows
-from cortet.formats.values import in_components
+from cortet.formats.values import in_components, write_rows
 from cortet.meshes import FloatArray, IntArray, TetMesh
 
 #: name of the set of all nodes

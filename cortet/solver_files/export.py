@@ -111,7 +111,7 @@ def export(
     certificate : content of the mesh's certificate.json
     uncertified : write the mesh even if it is not certified
     unit : unit of the coordinates, ``mm`` or ``um``, for formats that do not state it
-    about : `frame`, `sources`, `interior` and `made_from`, as `sidecar.sidecar` takes them
+    about : `frame`, `sources` and `made_from`, as `sidecar.sidecar` takes them
 
     Returns
     -------
@@ -207,7 +207,6 @@ def convert(
     about = {
         "frame": CoordinateFrame(**{**stored, "matrix": tuple(stored["matrix"])}) if stored else None,
         "sources": {name: _source(field) for name, field in fields.items() if field["source"]},
-        "interior": next((field["interior"] for field in fields.values()), None),
         "made_from": moved(record.get("made_from"), source.parent, target.parent),
     }
     return done + _write_all(mesh, target, written_as, unit, source, about)

@@ -47,7 +47,6 @@ def sidecar(
     unit: str,
     frame: CoordinateFrame | None = None,
     sources: Mapping[str, FieldSource] | None = None,
-    interior: str | None = None,
     made_from: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Content of the sidecar.
@@ -58,7 +57,6 @@ def sidecar(
     meant : the mesh that was written, with the names that a format may not hold
     frame : coordinate system of the surface the mesh was made from
     sources : name of a field -> where it came from
-    interior : how interior nodes got their values; None if that is not known
     made_from : from `meshed.made_from`
     """
     record: dict[str, Any] = {
@@ -84,8 +82,7 @@ def sidecar(
     faces = boundary_faces(content) if isinstance(content, TetMesh) else content.faces
     known, units = sources or {}, {THICKNESS: "mm", **(UNITS if (made_from or {}).get("layers") else {})}
     fields = {
-        name: _field(values, known.get(name), units.get(name, "unknown"), interior)
-        for name, values in content.point_data.items()
+        name: _field(values, known.get(name), units.get(name, "unknown")) for name, values in content.point_data.items()
     }
     return record | {
         "boundary_faces": len(faces),
@@ -116,17 +113,12 @@ def changed_since(path: Path) -> bool:
     return any(not file.is_file() or sha256(file) != digest for file, digest in beside.items())
 
 
-def _field(values: NDArray[Any], source: FieldSource | None, units: str, interior: str | None) -> dict[str, Any]:
+def _field(values: NDArray[Any], source: FieldSource | None, units: str) -> dict[str, Any]:
     """Record of a field; `units` are those of a field without a source."""
-    kind = source.kind if source else "unknown"
-    within = "unknown" if source is None or interior is None else "nearest" if kind == "label" else interior
-    boundary = {"label": "label of the largest barycentric weight", "scalar": "barycentric", "unknown": "unknown"}
     return {
         "components": int(values[0].size) if len(values) else 1,
         "units": source.units if source else units,
-        "kind": kind,
+        "kind": source.kind if source else "unknown",
         "source": source.file if source else "",
         "source_sha256": source.sha256 if source else "",
-        "boundary": boundary[kind],
-        "interior": within,
     }
