@@ -58,7 +58,7 @@ def quality(file: MeshFile, /, *, json: bool = False, _: Common = Common()) -> i
     """
     from cortet.api.meshing import tetrahedra
     from cortet.measure.quality import signed_volumes, summarise
-    from cortet.report.records import ELEMENTS
+    from cortet.report.numbers import ELEMENTS
     from cortet.stages.gate import require_size
 
     mesh = tetrahedra(file)

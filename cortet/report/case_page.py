@@ -16,8 +16,8 @@ from cortet.meshes import TetMesh, TriSurface, region_names
 from cortet.report import pages, pictures
 from cortet.report.boundary_view import boundary_view
 from cortet.report.figures import mesh_quality_figures, svg
+from cortet.report.numbers import ELEMENTS, Certificate, limit_of, of_check
 from cortet.report.pages import Panel, Part
-from cortet.report.records import ELEMENTS, Certificate, limit_of, of_check
 from cortet.solver_files.volumes import TISSUE_COLUMNS
 from cortet.stages import STAGES
 

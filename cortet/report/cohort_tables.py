@@ -14,7 +14,8 @@ from cortet.formats.tables import Column, names, read_columns, values
 from cortet.formats.tsv import read_tsv
 from cortet.measure.counts import COUNTED_LIMITS
 from cortet.report import DATA
-from cortet.report.records import Certificate, read_record
+from cortet.report.numbers import Certificate
+from cortet.report.records import read_record
 from cortet.report.table_files import Table, mean_and_sd, median_and_range, write
 from cortet.solver_files.volumes import TISSUE_COLUMNS
 

@@ -13,7 +13,7 @@ from cortet.cohort.sheet import Case
 from cortet.formats.atomic import atomic_path
 from cortet.measure.checks import Check
 from cortet.report import DATA
-from cortet.report.records import Certificate, limit_of
+from cortet.report.numbers import Certificate, limit_of
 from cortet.report.stage_sentences import counted, stage_sentences
 from cortet.version import __version__
 

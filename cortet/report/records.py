@@ -1,4 +1,4 @@
-"""Quality records and certificates: as read, by the meshes that they are about, and in words.
+"""Quality records and certificates, as read, and by the meshes that they are about.
 
 A record is the JSON of `quality.QualitySummary`; its key `origin` names the mesh.
 """
@@ -6,33 +6,13 @@ A record is the JSON of `quality.QualitySummary`; its key `origin` names the mes
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from cortet.cohort.status import certificate_of
 from cortet.errors import InputError
-from cortet.measure.checks import beside_limit, in_words
-from cortet.measure.counts import COUNTED_LIMITS
-
-#: content of a certificate.json
-Certificate = Mapping[str, Any]
-_COMPARED = {"<": "below", "<=": "at most", "==": "exactly", ">=": "at least"}
-#: name of a number of the elements -> its form, filled from the `quality` of the certificate
-ELEMENTS = {
-    "Nodes": "{nodes:,}",
-    "Tetrahedra": "{tets:,}",
-    "Mean q": "{q[mean]:.4f}",
-    "Worst q": "{q[max]:.4f}",
-    **{f"Elements with q > {limit}": f"{{count_above[{limit}]:,}}" for limit in COUNTED_LIMITS},
-    "Worst 1 - mean ratio": "{one_minus_mean_ratio[max]:.3f}",
-    "Worst 1 - radius ratio": "{one_minus_radius_ratio[max]:.3f}",
-    "Worst 1 - radius-edge ratio": "{one_minus_radius_edge[max]:.3f}",
-    "Dihedral angles": "{dihedral_min_deg:.1f}° to {dihedral_max_deg:.1f}°",
-    "Edges": "{shortest_edge_mm:.3f} to {longest_edge_mm:.3f} mm",
-}
 
 
 @dataclass(frozen=True)
@@ -67,19 +47,3 @@ def by_origin(paths: Iterable[str | Path]) -> dict[Origin, dict[str, Any]]:
     """Contents of the files of records by their origins, in the order given."""
     records = [read_record(path) for path in paths]
     return {Origin(**record["origin"]): record for record in records}
-
-
-def of_check(check: Mapping[str, Any]) -> dict[str, Any]:
-    """A check of a certificate with its `name`, `value` and `limit` as text with units."""
-    unit = f" {check['unit']}" if check["unit"] else ""
-    value, limit = in_words(check["value"]), "no limit"
-    if check["comparison"]:
-        value, most = beside_limit(check["value"], check["limit"])
-        limit = f"{_COMPARED[check['comparison']]} {most}{unit}"
-    name = re.sub(r"^[a-z](?=[a-z])", lambda letter: letter[0].upper(), check["name"])  # unless it begins with a symbol
-    return {**check, "name": name, "value": f"{value}{unit}", "limit": limit}
-
-
-def limit_of(certificate: Certificate, check_id: str) -> float:
-    """Limit of a check, by its identifier."""
-    return float(next(check["limit"] for check in certificate["checks"] if check["id"] == check_id))

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cortet.meshers import MESHERS
-from cortet.report.records import Certificate
+from cortet.report.numbers import Certificate
 
 _BOUNDARY = {
     "fixed": "boundary nodes fixed",

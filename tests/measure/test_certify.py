@@ -22,7 +22,7 @@ from cortet.measure.certify import SCHEMA, Certificate, certify
 from cortet.measure.checks import KINDS, Check, Number, checked, remedies
 from cortet.measure.quality import quality
 from cortet.meshes import TetMesh, TriSurface
-from cortet.report.records import of_check
+from cortet.report.numbers import of_check
 
 
 @pytest.fixture(scope="module")
