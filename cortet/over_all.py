@@ -212,7 +212,7 @@ def results(plan: Plan) -> dict[str, Results]:
 
 
 def cohort_tables(plan: Plan) -> Results:
-    """Quality, summary, stages, tissues and states, and the citation of the run."""
+    """Quality, stages, tissues and states, and the citation of the run."""
     files = _tables(plan)
 
     def inputs() -> list[str]:
@@ -231,7 +231,6 @@ def cohort_tables(plan: Plan) -> Results:
         _write_status(plan)
         certificates, cases = [*map(read_certificate, plan.measured_certificates())], list(plan.cases.values())
         cohort_tables.write_quality(certificates, cases, files["quality"])
-        cohort_tables.write_summary(certificates, cases, files["summary"])
         cohort_tables.write_stages(plan.stage_records(), files["stages"])
         if plan.has_volumes:
             tables = plan.tissue_tables()
@@ -250,7 +249,6 @@ def _tables(plan: Plan) -> dict[str, list[str]]:
     return {
         "status": files_of(plan, "cohort_status", ".tsv", ".json"),
         "quality": files_of(plan, "cohort_quality", ".tsv", ".json"),
-        "summary": files_of(plan, "cohort_summary", ".tsv", ".json"),
         "stages": files_of(plan, "cohort_stages", ".tsv", ".json"),
         **({"tissues": files_of(plan, "cohort_tissues", ".tsv", ".json")} if plan.has_volumes else {}),
         "citation": [f"{plan.layout.output}/logs/CITATION{suffix}" for suffix in (".md", ".bib")],
