@@ -63,7 +63,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     rows = [{"case": name, **mesh_of, "stage": "certify", "state": "certified"} for name in WORST]
     rows += [{"case": "y", **mesh_of, **failure}, {"case": "z", "state": "excluded", "reason": "motion"}]
     measured = [
-        {"case": name, **mesh_of, "hemi": "L", "scan_age": 20 + 2 * n, "q_mean": 0.129, "q_max": q}
+        {"case": name, **mesh_of, "hemi": "L", "scan_age": 20 + 2 * n, "q_mean": 0.129, "q_max": q, "nodes": 1000}
         for n, (name, q) in enumerate(WORST.items())
     ]
     write_tsv(rows, names(COLUMNS), folder / "status.tsv")
