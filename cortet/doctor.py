@@ -23,7 +23,7 @@ SET_UP = "rm -f .venv/.stamp && make setup"
 MESHERS = ("pygalmesh", "cgal")
 LIBRARIES = (
     *("numba", *MESHERS, "gmsh", "pymeshlab", "pyvista", "cyclopts", "h5py", "jinja2", "matplotlib", "meshio"),
-    *("nibabel", "numpy", "pandas", "pydantic", "pyyaml", "scipy", "snakemake", "tabulate", "tetgen", "threadpoolctl"),
+    *("nibabel", "numpy", "pandas", "pydantic", "pyyaml", "scipy", "snakemake", "tetgen", "threadpoolctl"),
 )
 #: the extras `slurm` and `baselines` (meshers that experiments compare with)
 OPTIONAL = ("snakemake-executor-plugin-slurm", "pytetwild", "netgen-mesher")

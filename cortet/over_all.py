@@ -212,7 +212,7 @@ def results(plan: Plan) -> dict[str, Results]:
 
 
 def cohort_tables(plan: Plan) -> Results:
-    """Quality, summary, stages, tissues and states, and the citation of the run."""
+    """Quality, stages, tissues and states, and the citation of the run."""
     files = _tables(plan)
 
     def inputs() -> list[str]:
@@ -231,7 +231,6 @@ def cohort_tables(plan: Plan) -> Results:
         _write_status(plan)
         certificates, cases = [*map(read_certificate, plan.measured_certificates())], list(plan.cases.values())
         cohort_tables.write_quality(certificates, cases, files["quality"])
-        cohort_tables.write_summary(certificates, cases, files["summary"])
         cohort_tables.write_stages(plan.stage_records(), files["stages"])
         if plan.has_volumes:
             tables = plan.tissue_tables()
@@ -249,8 +248,7 @@ def _tables(plan: Plan) -> dict[str, list[str]]:
     """Files of each table of a cohort, and of the citation."""
     return {
         "status": files_of(plan, "cohort_status", ".tsv", ".json"),
-        "quality": files_of(plan, "cohort_quality", ".tsv", ".json", ".html"),
-        "summary": files_of(plan, "cohort_summary", ".tsv", ".json"),
+        "quality": files_of(plan, "cohort_quality", ".tsv", ".json"),
         "stages": files_of(plan, "cohort_stages", ".tsv", ".json"),
         **({"tissues": files_of(plan, "cohort_tissues", ".tsv", ".json")} if plan.has_volumes else {}),
         "citation": [f"{plan.layout.output}/logs/CITATION{suffix}" for suffix in (".md", ".bib")],
@@ -337,14 +335,13 @@ def _write_page(plan: Plan, *, began: str = "") -> None:
     began : when a run began that has not ended; empty if none runs
     """
     from cortet.report.cohort_page import write_cohort_page
-    from cortet.report.figures import PANELS, cohort_figure, svg
+    from cortet.report.figures import cohort_figure, svg
     from cortet.report.pages import data_uri
 
     tables = {name: [Path(path) for path in paths] for name, paths in _tables(plan).items()}
     quality, dataset = tables["quality"], plan.config.cohort.dataset
     measured = bool(plan.measured_certificates()) and quality[0].exists()
     small = [Path(path) for path in plan.each_case(plan.layout.thumbnail).values()]
-    charts = {name: cohort_figure(quality[0], **_limits(plan), panels=[name]) for name in PANELS if measured}
     write_cohort_page(
         tables["status"][0],
         (quality[0], quality[1]) if measured else None,
@@ -353,7 +350,7 @@ def _write_page(plan: Plan, *, began: str = "") -> None:
             {**row, "thumbnail": data_uri(file.read_bytes()) if file.exists() else None}
             for row, file in zip(plan.listed_on_page(), small, strict=True)
         ],
-        charts={name: svg(figure) for name, figure in charts.items()},
+        figure=svg(cohort_figure(quality[0], **_limits(plan))) if measured else "",
         maps={hemi: Path(files[-1]) for hemi, files in _maps(plan).items() if _exists(files[-1])},
         tissues=tables["tissues"][0] if plan.tissue_tables() else None,
         more=[part for part in folds_on_page(plan) if all(map(_exists, part.files))],

@@ -22,7 +22,7 @@ rule dataset_description:
 
 
 rule cohort_tables:
-    """Quality, summary, stages, tissues and states of all cases, and the citation of the run."""
+    """Quality, stages, tissues and states of all cases, and the citation of the run."""
     input:
         **of_all("cohort_tables"),
     output:

@@ -81,7 +81,6 @@ SHARED_MESH = (*SURFACE, "res", "mesher")
 ASKED = set()
 #: names of files that Snakemake's report shows -> captions in reports/
 CAPTIONS = {
-    "cohort_quality.html": "cohort_quality",
     "figure-cohort.svg": "cohort_figure",
     "figure-maps_*.png": "cohort_maps",
     "cohort_folding.svg": "cohort_folding",

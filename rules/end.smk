@@ -37,8 +37,6 @@ onstart:
     for moved in [] if workflow.touch else set_aside(PLAN, dropped=dropped):
         logger.warning(moved)
     remember_run(PLAN, config, ASKED)
-    for notice in EXPERIMENTS.costs() if "tables" in ASKED else []:
-        logger.warning(notice)
 
 
 def end_run(after):

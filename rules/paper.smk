@@ -9,7 +9,7 @@ EXPERIMENTS = Experiments(PLAN)
 
 
 rule tables:
-    """Tables of the paper's experiments, and a methods paragraph."""
+    """Tables of the paper's experiments."""
     input:
         **of_all("tables"),
         cohort=ancient(COHORT_FILES),
@@ -20,7 +20,7 @@ rule tables:
     localrule: True
     params:
         facts=facts_of("tables"),
-        version=versions("paper.ablation", "paper.mesh_tables", "report.table_files", "report.methods"),
+        version=versions("paper.ablation", "paper.mesh_tables", "report.table_files"),
     script:
         "../scripts/over_all.py"
 

@@ -80,12 +80,7 @@ class Config(Section):
     def export_arguments(self, solver: str) -> dict[str, Any]:
         """Arguments of `export` for one format, plain values."""
         export = self.export
-        return {
-            "solver": solver,
-            "uncertified": export.uncertified,
-            "unit": export.carp_unit,
-            "interior": self.transfer.interior,
-        }
+        return {"solver": solver, "uncertified": export.uncertified, "unit": export.carp_unit}
 
     def placement(self, unit: str | None = None) -> float | None:
         """Factor from stored coordinates to mm; None if they are mm.

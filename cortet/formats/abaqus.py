@@ -22,9 +22,7 @@ from numpy.typing import NDArray
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import sides, with_surface
 from cortet.formats.tags import regions
-from cortet.formats.text import write_rows, write_wrapped
-from cortet.formats.untrusted import require_ascii
-from cortet.formats.values import in_32_bits
+from cortet.formats.values import in_32_bits, write_rows, write_wrapped
 from cortet.meshes import FloatArray, IntArray, TetMesh
 
 #: names of the sets of all nodes and of all elements
@@ -37,7 +35,6 @@ _PER_LINE = 16
 def write(mesh: TetMesh, path: str | Path) -> None:
     """Write `path` and, if the mesh has fields, the file of its fields; each complete or not at all."""
     mesh = with_surface(mesh)
-    require_ascii(mesh.point_data, path)
     write_elements(mesh, mesh.points, mesh.cells, mesh.sets.nodes, path)
     if mesh.point_data:
         with atomic_path(fields_path(path)) as temporary, temporary.open("w", encoding="ascii") as file:
@@ -56,7 +53,6 @@ def write_elements(
     cells : (m, 4), or (m, 10) whose midside nodes are in the order 1-2, 2-3, 3-1, 1-4, 2-4, 3-4
     node_sets : name -> nodes
     """
-    require_ascii([*node_sets, *mesh.sets.cells, *mesh.sets.faces], path)
     kind, numbers = {4: "C3D4", 10: "C3D10"}[cells.shape[1]], ", ".join(["%d"] * (1 + cells.shape[1]))
     with atomic_path(path) as temporary, temporary.open("w", encoding="ascii") as file:
         file.write("*HEADING\nTetrahedral mesh, coordinates in mm\n")

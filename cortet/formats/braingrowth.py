@@ -16,20 +16,14 @@ from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import SURFACE, with_surface
 from cortet.formats.tags import face_tags, region_numbers
-from cortet.formats.text import write_rows
 from cortet.formats.untrusted import by_library, content, sound
+from cortet.formats.values import write_rows
 from cortet.geometry.topology import boundary_nodes, compact
 from cortet.meshes import TetMesh
 
 
 def write(mesh: TetMesh, path: str | Path) -> None:
-    """Write a mesh whose surface nodes come first (`stages.solver_ready`), with coordinates in mm to 1e-9.
-
-    Raises
-    ------
-    InputError
-        the surface nodes do not come first
-    """
+    """Write a mesh whose surface nodes come first (`stages.solver_ready`), with coordinates in mm to 1e-9."""
     surface_nodes = boundary_nodes(mesh)
     if surface_nodes[-1] != len(surface_nodes) - 1:
         raise InputError("surface nodes do not come first", file=path, remedy="run the stage solver_ready before")

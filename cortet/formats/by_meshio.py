@@ -54,11 +54,8 @@ _NAMED = re.compile(rb"^(?:\$ property|\*\* region) (\d{1,8}): (\S.*?)\s*$", re.
 _COMMENTS = re.compile(rb"^\*\*[^\n]*(?:\n|\Z)", re.MULTILINE)
 #: cards of Nastran that meshio does not follow: nodes of other files, or in other coordinate systems
 _ELSEWHERE = re.compile(rb"^(?:INCLUDE\b|CORD[12][RCS]\b)[^\n]*", _LINES)
-#: blocks of Gmsh, in text, whose rows meshio takes in the order of the file, whatever their numbers
-_IN_TEXT = re.compile(rb"\$MeshFormat\s+[24]\S* 0 ")
-_NODE_DATA = re.compile(rb"\$NodeData\s(.*?)\$EndNodeData", re.DOTALL)
-_NODES = re.compile(rb"\$Nodes\s(.*?)\$EndNodes", re.DOTALL)
-_ELEMENT_DATA = re.compile(rb"\$ElementData\s.*?\$EndElementData\s", re.DOTALL)
+#: fields of Gmsh; meshio takes their rows in the order of the file, whatever their numbers, and fails on some
+_FIELDS = re.compile(rb"\$(Node|Element)Data\s.*?\$End\1Data\s", re.DOTALL)
 
 
 def read(path: Path) -> TetMesh:
@@ -150,23 +147,10 @@ def _read_nastran(path: Path) -> Any:
 
 
 def _read_gmsh(path: Path) -> Any:
-    text = content(path)
-    _require_rising(text)
-    if text.startswith(b"$MeshFormat\n2") and _ELEMENT_DATA.search(text):  # of which meshio 5.3 reads none
-        logger.warning("%s: fields of elements in Gmsh's version 2 are not read", path)
-        return _read_changed(_ELEMENT_DATA.sub(b"", text), path, meshio.gmsh.read)
-    return meshio.gmsh.read(str(path))
-
-
-def _require_rising(text: bytes) -> None:
-    """Raise ValueError for fields of nodes in a Gmsh file in text whose rows are not in the order of the nodes."""
-    nodes = _NODES.search(text) if _IN_TEXT.match(text) else None
-    rows = [line.split() for line in nodes[1].splitlines()] if nodes else []
-    numbers = [row[0] for row in rows[1:] if len(row) == (4 if text.startswith(b"$MeshFormat\n2") else 1)]
-    for block in _NODE_DATA.findall(text) if nodes else []:
-        found = [line.split()[0] for line in block.splitlines() if re.match(rb"\d+\s+[-+.\d]", line)]
-        if found != numbers[: len(found)]:
-            raise ValueError("its fields list the nodes in another order: save it in binary")
+    text, count = _FIELDS.subn(b"", content(path))
+    if count:
+        logger.warning("%s: fields of Gmsh are not read", path)
+    return _read_changed(text, path, meshio.gmsh.read)
 
 
 def _read_xdmf(path: Path) -> Any:

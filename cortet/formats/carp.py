@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 
 from cortet.formats.atomic import atomic_path
 from cortet.formats.tags import region_numbers, regions, with_names
-from cortet.formats.text import write_rows
 from cortet.formats.untrusted import by_library, content, sound
-from cortet.formats.values import in_32_bits, in_components
+from cortet.formats.values import in_32_bits, in_components, write_rows
 from cortet.meshes import REGION, MeshSets, TetMesh
 
 Unit = Literal["mm", "um"]

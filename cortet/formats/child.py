@@ -21,12 +21,7 @@ def end_with_parent() -> None:
 
 
 def run(command: Sequence[str], **options: Any) -> subprocess.CompletedProcess[str]:
-    """Run a program that ends with this process; captures its output as text, and does not check its exit code.
-
-    Raises
-    ------
-    subprocess.TimeoutExpired : the program took longer than the option `timeout`, s, and was killed
-    """
+    """Run a program that ends with this process; captures its output as text, and does not check its exit code."""
     return subprocess.run(
         command,
         capture_output=True,

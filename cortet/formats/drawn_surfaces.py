@@ -53,12 +53,6 @@ def read(path: Path) -> TriSurface:
         if any(block.type != "triangle" for block in found.cells):
             raise ValueError("it has faces that are not triangles")
         faces = np.concatenate([np.empty((0, 3), int), *(block.data for block in found.cells)])
-        rows = _rows_of_off(data, header.end()) if header and kind == ".off" else len(points) + len(faces)
-        if declared and (declared != [len(points), len(faces)] or rows != sum(declared)):
-            raise ValueError("it has more or fewer vertices or faces than it declares")
+        if declared and declared != [len(points), len(faces)]:
+            raise ValueError("it has fewer vertices or faces than it declares")
     return triangulated(points, faces, path)
-
-
-def _rows_of_off(data: bytes, start: int) -> int:
-    """Number of the lines of an OFF file that hold something; meshio leaves out what is too much."""
-    return sum(bool(line.strip()) and not line.startswith(b"#") for line in data[start:].splitlines())

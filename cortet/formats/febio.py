@@ -23,9 +23,7 @@ from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import with_surface
 from cortet.formats.tags import region_numbers, regions
-from cortet.formats.text import write_rows
-from cortet.formats.untrusted import require_ascii
-from cortet.formats.values import in_components
+from cortet.formats.values import in_components, write_rows
 from cortet.meshes import FloatArray, IntArray, TetMesh
 
 #: name of the set of all nodes
@@ -62,7 +60,6 @@ def write_elements(
     faces : name -> (f, 3), or (f, 6) whose midside nodes are in the order 1-2, 2-3, 3-1
     fields : name -> (n,) or (n, k) values of the nodes
     """
-    require_ascii([*node_sets, *faces, *fields, *mesh.sets.cells], path)
     number = region_numbers(mesh)
     parts = {name: np.flatnonzero(number == tag) for name, tag in regions(mesh).items()}
     element, facet = {4: ("tet4", "tri3"), 10: ("tet10", "tri6")}[cells.shape[1]]

@@ -38,7 +38,7 @@ _NAMES = {
 def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
     """The reader of a surface that is not GIfTI, `read(path, finite=...)`; None if the first bytes are unknown."""
     head, size = _beginning(path)
-    if freesurfer.is_surface(head):
+    if head.startswith(freesurfer.SURFACES):
         return freesurfer.read_surface
     read = stl.read if stl.begins(head, size) else drawn_surfaces.read if drawn_surfaces.kind_of(head) else None
     return read and (lambda path, *, finite: read(path))  # noqa: ARG005, PLW0108, never what is not finite
@@ -47,11 +47,11 @@ def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
 def values_of(path: Path) -> Values | None:
     """Per-vertex values or labels of a FreeSurfer file, or of plain numbers; None for any other file."""
     head, _ = _beginning(path)
-    if freesurfer.is_values(head):
+    if head.startswith(freesurfer.VALUES):
         return freesurfer.read_values(path)
     if _NUMBERS.match(head):
         return Values({safe_name(path.name.split(".")[0]): _plain(path)}, {})
-    return freesurfer.read_annotation(path) if freesurfer.is_annotation(path) else None
+    return freesurfer.read_annotation(path) if path.name.endswith(freesurfer.ANNOTATION) else None
 
 
 def name_of(path: Path) -> str:
@@ -60,7 +60,7 @@ def name_of(path: Path) -> str:
     start = head.removeprefix(b'<?xml version="1.0"?>').lstrip()
     if surface_reader(path) is not None:
         return "a surface without values"
-    if freesurfer.is_values(head) or freesurfer.is_annotation(path) or _NUMBERS.match(head):
+    if head.startswith(freesurfer.VALUES) or path.name.endswith(freesurfer.ANNOTATION) or _NUMBERS.match(head):
         return "a file of values without a surface"
     return next((name for begin, name in _NAMES.items() if start.startswith(begin)), "")
 

@@ -21,8 +21,10 @@ from cortet.meshes import CoordinateFrame, TriSurface
 
 logger = logging.getLogger(__name__)
 
-#: first bytes of a file of triangles, of quadrangles, and of values
-TRIANGLES, QUADRANGLES, VALUES = b"\xff\xff\xfe", b"\xff\xff\xfd", b"\xff\xff\xff"
+#: first bytes of a surface of triangles or of quadrangles, and of a file of values
+SURFACES, VALUES = (b"\xff\xff\xfe", b"\xff\xff\xfd"), b"\xff\xff\xff"
+#: end of the name of an annotation
+ANNOTATION = ".annot"
 #: axes of the volume in the footer of a surface
 _AXES = ("xras", "yras", "zras")
 #: key of vertices without a label in an annotation
@@ -38,16 +40,6 @@ class Values(NamedTuple):
     names: dict[int, str]
 
 
-def is_surface(head: bytes) -> bool:
-    """Whether a file that begins with `head` is a surface."""
-    return head.startswith((TRIANGLES, QUADRANGLES))
-
-
-def is_values(head: bytes) -> bool:
-    """Whether a file that begins with `head` is a file of values."""
-    return head.startswith(VALUES)
-
-
 def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
     """Read a surface, of quadrangles two triangles each; if `finite` is false, its coordinates need not be finite."""
     check_file(path)
@@ -59,11 +51,6 @@ def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
         require_finite_points(points, path)
     with naming(path):
         return TriSurface(points, faces, frame=frame)
-
-
-def is_annotation(path: Path) -> bool:
-    """Whether a file is an annotation, by its name."""
-    return path.name.endswith(".annot")
 
 
 def read_values(path: Path) -> Values:
@@ -97,7 +84,7 @@ def read_annotation(path: Path) -> Values:
 
 def _field_name(path: Path) -> str:
     """The part of a file's name after the hemisphere: `thickness` of `lh.thickness`."""
-    words = path.name.removesuffix(".annot").split(".")
+    words = path.name.removesuffix(ANNOTATION).split(".")
     return safe_name(".".join(words[1:] or words))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from cortet.formats.atomic import atomic_path
 from cortet.formats.surface_sets import with_surface
 from cortet.formats.tags import face_tags, region_numbers, regions
-from cortet.formats.text import write_rows
+from cortet.formats.values import write_rows
 from cortet.meshes import TetMesh
 
 

@@ -30,8 +30,6 @@ MARKER = ".cortet"
 #: list of the files that commands wrote to its folder
 MANIFEST = ".cortet.sha256"
 _TEXT: dict[str, Any] = {"encoding": "utf-8", "errors": "surrogateescape"}
-#: most bytes of a file name
-_LONGEST = 255
 #: temporary names: the number of their process, a token, and the name of the file
 _TEMPORARY = re.compile(r"\.([0-9]{1,9})-[0-9a-f]{8}\.(.+)")
 #: key and value that distinguish a record from other JSON files
@@ -103,20 +101,12 @@ def guarded(
 
 
 def may_write(path: Path) -> None:
-    """Raise InputError unless a file may be written, replaced or deleted; without a guard, any short name may."""
-    if len(os.fsencode(temporary_beside(path).name)) > _LONGEST:
-        raise InputError("has a name that is too long", file=path, remedy="give a shorter name")
+    """Raise InputError unless a file may be written, replaced or deleted; without a guard, any file may."""
     guard = _guard.get()
     if guard is None:
         return
-    manifest = path.with_name(MANIFEST)
     for given in guard.inputs:
         _refuse_same(path, given)
-        _refuse_same(manifest, given)
-    unusable = manifest.is_symlink() or (manifest.exists() and not os.access(manifest, os.R_OK | os.W_OK))
-    if unusable and not guard.is_in_own_folder(path):
-        what = "should list the files that cortet wrote here, but cortet cannot write to it"
-        raise InputError(what, file=manifest, remedy="delete it or correct its permissions, or use another folder")
     if path.exists() and not path.is_file():
         raise InputError("is a folder, a device or a pipe", file=path, remedy="give the name of a file")
     if os.path.lexists(path) and not (guard.force or guard.owns(path) or is_ours(path)):

@@ -115,13 +115,6 @@ def require_finite_points(points: NDArray[Any], path: str | Path) -> None:
         raise DamagedFileError(what, file=path)
 
 
-def require_ascii(names: Iterable[str], path: str | Path) -> None:
-    """Raise InputError for a name that a file of ASCII characters cannot hold."""
-    if other := [name for name in names if not name.isascii()]:
-        what = f"the name {other[0]!r} contains characters that the format does not allow"
-        raise InputError(what, file=path, remedy="use plain letters in the names of fields and sets")
-
-
 def triangulated(points: NDArray[Any], corners: NDArray[Any], path: str | Path) -> TriSurface:
     """The surface of vertices (n, 3) and triangles (m, 3) that were read, whole numbers of any type."""
     if not len(points) or not len(corners):

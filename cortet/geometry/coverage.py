@@ -1,9 +1,8 @@
-"""Whether the labels or numbers of a volume lie inside a surface, and which shift or flip would bring them there."""
+"""How much of the inside of a surface the labels or numbers of a volume cover."""
 
 from __future__ import annotations
 
-from itertools import combinations
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,51 +13,21 @@ from cortet.meshes import FloatArray, TriSurface
 
 #: most voxels along an axis of the coarse grid on which labels and surface are compared
 _FINEST = 80
-#: shifts whose coverage is this close to the best count as equally good
-_AS_GOOD = 0.01
-
-#: axes that may be reversed
-_FLIPS = [axes for count in (1, 2, 3) for axes in combinations(range(3), count)]
 
 
-class Coverage(NamedTuple):
-    """Shares of the inside of a surface that have a label or a number."""
-
-    #: with the volume as it lies
-    here: float
-    #: upper bound, from the volume of the labels
-    possible: float
-    #: the best after a shift, and the shortest shift of the labels that reaches it, (3,) mm
-    shifted: float
-    shift: FloatArray
-    #: after reversing axes of the voxels: which of them -> the share, one axis first
-    flipped: dict[tuple[int, ...], float]
-
-
-def coverage(surface: TriSurface, labelled: NDArray[np.bool_], affine: FloatArray) -> Coverage:
-    """The share of the inside of a closed surface that labelled voxels cover, as they lie and after moves.
+def coverage(surface: TriSurface, labelled: NDArray[np.bool_], affine: FloatArray) -> tuple[float, float]:
+    """The share of the inside of a closed surface that labelled voxels cover, and the most that they could cover.
 
     Parameters
     ----------
     labelled : (i, j, k), voxels that have a label, or a number other than 0
     affine : (4, 4) from voxels to mm
     """
-    from scipy.signal import fftconvolve  # takes long to load, and few jobs have volumes
-
     step = max(1, -(-max(labelled.shape) // _FINEST))
     has = _averaged(labelled, step)
     inside = _inside(surface, affine, has.shape, step)
     total = max(float(inside.sum()), 1.0)
-    together = fftconvolve(has, inside[::-1, ::-1, ::-1])
-    good = np.argwhere(together >= together.max() - _AS_GOOD * total) - (np.array(inside.shape) - 1)
-    shifts = -step * good @ affine[:3, :3].T
-    return Coverage(
-        float((has * inside).sum()) / total,
-        min(1.0, float(has.sum()) / total),
-        float(together.max()) / total,
-        shifts[np.linalg.norm(shifts, axis=1).argmin()],
-        {axes: float((_averaged(np.flip(labelled, axes), step) * inside).sum()) / total for axes in _FLIPS},
-    )
+    return float((has * inside).sum()) / total, min(1.0, float(has.sum()) / total)
 
 
 def _averaged(labelled: NDArray[np.bool_], step: int) -> FloatArray:

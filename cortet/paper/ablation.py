@@ -25,11 +25,6 @@ VERSION: int = 6
 
 #: names of more than four cases before a reason: the first three, and the others
 _MORE = re.compile(r"((?:sub-[\w-]+, ){3})((?:sub-[\w-]+, )+sub-[\w-]+): ")
-#: rise of the mean q by S4 from which a row explains it, and how
-_RISE, _WHY = (
-    0.005,
-    "mean q rises: S4 deforms the surroundings of elements that only new connectivity (S4+) improves",
-)
 #: columns whose values, if any, are whole numbers
 _COUNTS = (
     *("meshes", "failed", "fallback", "wrong_topology", "tets_total"),
@@ -152,7 +147,6 @@ def _cohort_rows(meshes: pd.DataFrame) -> pd.DataFrame:
     rows = groups.agg(**_SUMMARIES, **how)
     rows["remarks"] = [_remarks(members) for _, members in groups]
     rows = rows.reset_index()
-    rows["remarks"] = ["; ".join(filter(None, told)) for told in zip(rows["remarks"], _risen(rows), strict=True)]
     return rows.assign(
         source="this cohort",
         setting=rows["setting"].replace("", None),
@@ -161,19 +155,6 @@ def _cohort_rows(meshes: pd.DataFrame) -> pd.DataFrame:
             _configuration(mesher, stage) for mesher, stage in zip(rows["mesher"], rows["stage"], strict=True)
         ],
     )
-
-
-def _risen(rows: pd.DataFrame) -> list[str]:
-    """Why the mean q of a row is above that of the stage before, on the same meshes; "" where it is not."""
-    told: list[str] = []
-    before: dict[tuple[Any, ...], Mapping[str, Any]] = {}
-    for row in rows.to_dict("records"):
-        key = row["cell_size_mm"], row["mesher"]
-        earlier = before.get((*key, row["setting"])) or before.get((*key, "")) or row
-        before[(*key, row["setting"])] = row
-        rise = row["q_mean_mean"] - earlier["q_mean_mean"] if row["meshes"] == earlier["meshes"] else 0.0
-        told.append(_WHY if row["stage"] == STAGES["clean"].label and rise > _RISE else "")
-    return told
 
 
 def _configuration(mesher: str, stage: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,13 +12,12 @@ from typing import Any
 from cortet.cohort.failures import why_missing
 from cortet.cohort.layout import LABELS, SHARED, file_of
 from cortet.cohort.plan import Plan
-from cortet.cohort.resources import cost
 from cortet.cohort.selection import chosen
 from cortet.cohort.sheet import Case
 from cortet.config.section import Cases
 from cortet.meshers import BASELINES
 from cortet.report.records import Origin
-from cortet.stages import MESH_STAGES, STAGES
+from cortet.stages import STAGES
 
 #: label of a stage whose effect is measured -> stages that have run, what the last of them adds
 ABLATED = {
@@ -28,8 +26,6 @@ ABLATED = {
     STAGES["clean"].label: ("S1-S4", "+ cleaning (S4)"),
     STAGES["reconnect"].label: ("S1-S4+", "+ reconnection (S4+)"),
 }
-#: asks for what the paper compares
-_PAPER = "--config experiments='{settings: [default, cgal, published], ablation: {meshers: [cgal, tetgen]}}'"
 #: label of a stage -> its rule
 _RULES = {label: stage for stage, label in LABELS.items()}
 #: case, cell size in µm and mesher
@@ -164,30 +160,6 @@ class Experiments:
         return sorted(
             brains.values(), key=lambda one: (one["age"] is None, one["age"] or 0, list(one["meshes"].values()))
         )
-
-    def costs(self) -> list[str]:
-        """What the meshes of the experiments take at most, by mesher, in words; whether or not they are there."""
-        compared = self._cases(self.plan.config.experiments.resolution.cases)
-        sizes = itertools.product(compared, self.resolutions, self.mesher_of.values())
-        own: list[OfCase] = [*self.ablated(self.own_meshers), *sizes]
-        found: dict[str, list[float]] = {}
-        for case, res, mesher in {(case.name, res, mesher): (case, res, mesher) for case, res, mesher in own}.values():
-            found.setdefault(mesher, []).append(self._seconds(case, res, mesher))
-        said = [f"meshes of {name}: {len(all_of)}, {sum(all_of) / 60:.0f} CPU min" for name, all_of in found.items()]
-        limit = self.plan.config.experiments.ablation.time_limit
-        said += [f"of {name}: {len(self.ablated([name]))}, up to {limit} min each" for name in self.compared_meshers]
-        others = "" if len(self.plan.settings) > 1 or self.compared_meshers else f"; to compare others: {_PAPER}"
-        return [f"the experiments take at most: {'; '.join(said)}{others}"]
-
-    def _seconds(self, case: Case, res: int, mesher: str) -> float:
-        """Most CPU time of the stages of a mesh, in all settings that run on it."""
-        plan, seconds = self.plan, 0.0
-        for number, name in enumerate(self.settings_on(mesher)):
-            job = {"folder": case.folder, "case": case.name, "res": str(res), "mesher": mesher, "setting": name}
-            stages = [stage for stage in STAGES if stage in MESH_STAGES and plan.settings[name].enabled(stage)]
-            rules = [stage for stage in stages if number == 0 or LABELS[stage] not in SHARED]
-            seconds += sum(cost(rule, mesher).cpu_seconds(plan.tets(job)) for rule in rules)
-        return seconds
 
     def missing(self, records: Records) -> dict[Origin, str]:
         """Why records are missing, by their meshes."""

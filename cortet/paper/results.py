@@ -12,33 +12,31 @@ from cortet.report.results import Results, files_of
 
 #: tables of the paper, which are written in these forms
 _TABLES = ("table-ablation", "table-resolution", "table-measures")
-_FORMS = (".tsv", ".json", ".tex", ".md")
+_FORMS = (".tsv", ".json", ".tex")
 _PICTURES = (".svg", ".pdf", ".png")
 
 
 def results(plan: Plan) -> dict[str, Results]:
-    """The tables with the methods paragraph, and the figures."""
+    """The tables and the figures."""
     return {"tables": tables(plan), "figures": figures(plan)}
 
 
 def tables(plan: Plan) -> Results:
-    """Ablation, cell size, other measures, and the methods paragraph."""
+    """Ablation, cell size, and other measures."""
     of = Experiments(plan)
     files = {name: files_of(plan, name, *_FORMS) for name in _TABLES}
-    methods = files_of(plan, "methods", ".md")
     references = [plan.layout.cohort(f"reference-{name}_quality.json") for name in of.references()]
 
     def inputs() -> list[str]:
         last = {**of.resolution_records(), **of.measures_records()}
         ablation = [*of.ablation_records(), *of.ablation_reports(), *references]
-        return list(dict.fromkeys([*ablation, *last, *of.certificates(last), *plan.measured_certificates()]))
+        return list(dict.fromkeys([*ablation, *last, *of.certificates(last)]))
 
     def write() -> None:
         from cortet.paper.ablation import ABLATION, ablation_table
         from cortet.paper.mesh_tables import MEASURES, RESOLUTION, measures_table, not_certified, resolution_table
         from cortet.report import table_files
-        from cortet.report.methods import methods_text, write_methods
-        from cortet.report.records import read_certificate, read_record
+        from cortet.report.records import read_record
 
         made, reports = (by_origin(of.made(one)) for one in (of.ablation_records(), of.ablation_reports()))
         named = {record["origin"]["reference"]: record for record in map(read_record, references)}
@@ -55,11 +53,8 @@ def tables(plan: Plan) -> Results:
             rows = table_of(by_origin(of.made(records)), of.missing(records), ages, refused)
             table_files.write(table, rows, *files[name])
 
-        contents = [*map(read_certificate, plan.measured_certificates())]
-        write_methods(methods_text(contents, plan.sheet, plan.unmeasured()), contents, methods[0])
-
     every = [path for paths in files.values() for path in paths]
-    return Results([*every, *methods], inputs, lambda: [asdict(case) for case in plan.sheet], write)
+    return Results(every, inputs, lambda: [asdict(case) for case in plan.sheet], write)
 
 
 def figures(plan: Plan) -> Results:

@@ -8,13 +8,12 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from cortet.formats.tables import Column, headed
 from cortet.geometry.mending import measurable
 from cortet.geometry.topology import surface_topology
 from cortet.meshes import TetMesh, TriSurface, region_names
-from cortet.report import pages, pictures, published
+from cortet.report import pages, pictures
 from cortet.report.boundary_view import boundary_view
 from cortet.report.figures import mesh_quality_figures, svg
 from cortet.report.numbers import ELEMENTS, Certificate, limit_of, of_check
@@ -252,38 +251,13 @@ def _changed(certificate: Certificate, stage: str, changed: str) -> dict[str, Ma
 
 
 def _quality(of: Checked) -> list[Part]:
-    q, limit, theirs = of.certificate["quality"], limit_of(of.certificate, "worst_q"), _published()
+    q, limit = of.certificate["quality"], limit_of(of.certificate, "worst_q")
     bulk, tail = mesh_quality_figures(np.array(q["histogram"]), limit=limit)
     shown = {
         "q": q,
         "limit": limit,
         "bulk": pages.embedded(svg(bulk), "bulk"),
         "tail": pages.embedded(svg(tail), "tail"),
-        "rows": [
-            (name, text.format_map(q), *theirs.get(name, ("", "")))
-            for name, text in ELEMENTS.items()
-            if name not in _SIZE
-        ],
-        "cell_size": published.CELL_SIZE,
+        "elements": {name: text.format_map(q) for name, text in ELEMENTS.items() if name not in _SIZE},
     }
     return [("quality", shown)]
-
-
-def _published() -> dict[str, tuple[str, str]]:
-    """Numbers of the paper for `ELEMENTS`, and the meshes that they describe."""
-    cohort, measures = published.cohort(), published.measures()
-    of_all = f"median [range] of {len(cohort)} meshes"
-    final = published.ablation().set_index(["mesher", "stages"]).loc[("cgal", "S1-S4")]
-    above = f"{final['q_above_0.6_median']:g} [{final['q_above_0.6_min']:g} to {final['q_above_0.6_max']:g}]"
-    names = {"mean_ratio": "mean ratio", "radius_ratio": "radius ratio", "radius_edge": "radius-edge ratio"}
-    ranges = {name: measures.loc[f"one_minus_{key}", ["min", "max"]] for key, name in names.items()}
-    return {
-        "Mean q": (_spread(cohort["q_mean"]), of_all),
-        "Worst q": (_spread(cohort["q_max"]), of_all),
-        "Elements with q > 0.6": (above, of_all),
-        **{f"Worst 1 - {name}": ("{:.3f} to {:.3f}".format(*two), "range of 3 meshes") for name, two in ranges.items()},
-    }
-
-
-def _spread(values: pd.Series[float]) -> str:
-    return f"{values.median():.3f} [{values.min():.3f} to {values.max():.3f}]"

@@ -61,10 +61,6 @@ def mean_map(cases: Sequence[TriSurface]) -> tuple[TriSurface, dict[str, int]]:
     Parameters
     ----------
     cases : from `case_map`, all on one mesh; a field may be missing in some of them
-
-    Raises
-    ------
-    InputError : there is no case, or the cases are not on one mesh
     """
     if not cases:
         raise InputError("no case is on the common mesh yet", remedy="see what failed in cohort_status.tsv")

@@ -1,4 +1,4 @@
-"""The page of a cohort: a table of all cases and their numbers, failures and outliers first."""
+"""The page of a cohort: a table of all cases and their numbers, failures first, then the worst elements."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 import pandas as pd
 
 from cortet.cohort.status import COLUMNS as STATUS
-from cortet.formats.tables import Column, headed, sidecar
+from cortet.formats.tables import headed, sidecar
 from cortet.formats.tsv import MISSING, cell, read_tsv
 from cortet.report import pages
 from cortet.report.cohort_tables import CASE_COLUMNS, QUALITY_COLUMNS
@@ -24,44 +23,24 @@ Row = Mapping[str, str]
 
 #: columns that identify a mesh
 KEY = ["case", "cell_size_mm", "mesher"]
-#: a worst q farther than this share of the way from the usual one to its limit is an outlier
-OUTLIER = 0.5
-#: states in the order of the rows; certified meshes come by their outlier score
+#: states in the order of the rows; meshes of one state come by their worst q
 _ORDER = ("failed", "unfinished", "uncertified", "certified", "excluded")
-
-
-_SHARE = (
-    "Position of the worst q between the median of the meshes of the same cell size and mesher (0 %) and its limit "
-    f"(100 %); a mesh above {OUTLIER:.0%} is an outlier"
-)
 #: columns that a mesh may have, and the columns that the page shows first
-COLUMNS = (
-    *STATUS,
-    *CASE_COLUMNS,
-    Column("outlier", _SHARE, heading="Towards the limit", form=".0%"),
-    *QUALITY_COLUMNS,
-)
+COLUMNS = (*STATUS, *CASE_COLUMNS, *QUALITY_COLUMNS)
 SHOWN = 8  # at first, of those below
 FIRST = (
     *("case", "state", "scan_age", "hemi", "cell_size_mm", "q_max", "q_mean", "tets"),
-    *("outlier", "q_above_0.5", "q_above_0.6", "nodes", "mesher", "nodes_to_surface_max_mm"),
+    *("q_above_0.5", "q_above_0.6", "nodes", "mesher", "nodes_to_surface_max_mm"),
     "surface_to_boundary_max_mm",
     *("euler_number", "crossing_faces", "resample_native_to_resampled_mean_mm", "resample_native_to_resampled_max_mm"),
     *("surface_state", "repair_surface_to_file_max_mm", "repair_relative_volume_change"),
 )
-
-
 _ORDER_IN_WORDS = (
-    "Failed cases come first, then those that are not certified, then those closest to the limit. A name leads to the "
-    "page of its mesh."
+    "Failed cases come first, then those that are not certified, then those with the worst elements. A name leads to "
+    "the page of its mesh."
 )
-#: column of a panel of `figures.cohort_figure` -> what it shows, in words
-_SHOWS = {
-    "tets": "Number of tetrahedra",
-    "q_mean": "Mean q",
-    "q_max": "Worst q",
-    "surface_to_boundary_mean_mm": "Mean distance of the surface to the mesh",
-}
+#: what `figures.cohort_figure` shows, in words
+_SHOWS = "Number of tetrahedra, mean q, worst q, and mean distance of the surface to the mesh"
 
 
 def write_cohort_page(
@@ -70,7 +49,7 @@ def write_cohort_page(
     path: str | Path,
     *,
     meshes: Sequence[Mapping[str, Any]],
-    charts: Mapping[str, str] | None = None,
+    figure: str = "",
     maps: Mapping[Literal["L", "R"], Path] | None = None,
     tissues: Path | None = None,
     more: Sequence[PagePart] = (),
@@ -87,7 +66,7 @@ def write_cohort_page(
     meshes : per mesh `case`, `cell_size_mm`, `mesher` and `page`, the address of its page as seen from this page; also
         `thumbnail`, a small picture as a `data:` address, or None; and `scan_age` and `hemi`, so that meshes that
         were not measured show them, too
-    charts : panels of `figures.cohort_figure`, column -> SVG
+    figure : SVG of `figures.cohort_figure`
     maps : hemisphere, L or R -> PNG file of its maps on the common mesh
     tissues : `cohort_tissues.tsv`; None if no case has volumes
     more : further parts of the page
@@ -99,17 +78,14 @@ def write_cohort_page(
     if quality:
         explained |= json.loads(quality[1].read_text(encoding="utf-8"))
         rows = _with_columns(rows, read_tsv(quality[0]))
-    rows = ordered(with_outliers(rows, _limit(explained.get("q_max", {}))))
+    rows = ordered(rows)
     counts = _counts(rows)
     panels = [Panel("cases", "Cases", _cases(rows, explained, list(counts)))]
-    if charts:
+    if figure:
         aged = "scan_age" in rows and (rows["scan_age"] != MISSING).any()
         over = "against gestational age, over the published cohort in grey" if aged else "by case"
-        shown = [
-            (pages.embedded(svg, column), f"{_SHOWS[column]} {over}; the table has the numbers")
-            for column, svg in charts.items()
-        ]
-        panels.append(Panel("age", "Against age" if aged else "By case", [("charts", shown)]))
+        shown = {"svg": pages.embedded(figure, "cohort"), "alt": f"{_SHOWS} {over}; the table has the numbers"}
+        panels.append(Panel("age", "Against age" if aged else "By case", [("figure", shown)]))
     if maps:
         drawn = [
             captioned(png(file), f"Means over the {SIDES[hemi]} hemispheres, at the vertices that they share")
@@ -119,13 +95,12 @@ def write_cohort_page(
     panels += [panel for part in more for panel in part.panels()]
     tables = [Path(file) for part in more for file in part.files if file.endswith(".tsv")]
     files = [file.name for file in (status, *(quality or ()), *([tissues] if tissues else ()), *tables)]
-    outliers = int((rows["outlying"] != "").sum())
     older = [("note", f"A run began on {began} and has not ended. The results below are older.")] if began else []
     pages.write(
         path,
         f"{dataset}: all cases" if dataset else "All cases",
         panels,
-        top=[*older, ("facts", {"texts": _totals(rows)}), ("counts", {"states": counts.items(), "outliers": outliers})],
+        top=[*older, ("facts", {"texts": _totals(rows)}), ("counts", counts.items())],
         end=[("tables", [(name, name) for name in files])],
         wide=True,
         scripts=(pages.source("table.js"),),
@@ -155,7 +130,6 @@ def _cases(rows: pd.DataFrame, explained: Mapping[str, Any], states: Sequence[st
         if column.name in known
     ]
     records = rows.to_dict("records")
-    filtered = [{"data-state": row["state"], "data-outlying": "" if row["outlying"] else None} for row in records]
     table = pages.table(
         f"All cases: {len(rows)} rows",
         columns,
@@ -164,7 +138,7 @@ def _cases(rows: pd.DataFrame, explained: Mapping[str, Any], states: Sequence[st
         cohort=True,
         sortable=True,
         first=SHOWN,
-        attributes=filtered,
+        attributes=[{"data-state": row["state"]} for row in records],
     )
     return [
         ("paragraph", _ORDER_IN_WORDS),
@@ -179,8 +153,7 @@ def _shown(row: Row) -> dict[str, Any]:
     told = [row[name] for name in ("stage", "reason") if row["reason"] != MISSING and row[name] != MISSING]
     links = {name: "" if row.get(name, MISSING) == MISSING else row[name] for name in ("page", "thumbnail")}
     case = {"text": row["case"], **links}
-    state = {"text": row["state"], "why": ": ".join(told), "outlying": row["outlying"]}
-    return {**row, "case": ("case", case), "state": ("state", state)}
+    return {**row, "case": ("case", case), "state": ("state", {"text": row["state"], "why": ": ".join(told)})}
 
 
 def _with_columns(rows: pd.DataFrame, more: pd.DataFrame) -> pd.DataFrame:
@@ -189,40 +162,12 @@ def _with_columns(rows: pd.DataFrame, more: pd.DataFrame) -> pd.DataFrame:
     return rows.merge(more[[*KEY, *new]], how="left", on=KEY).fillna(MISSING)
 
 
-def with_outliers(rows: pd.DataFrame, limit: float | None) -> pd.DataFrame:
-    """Rows with `outlier`, the share of worst q's way to the limit, and `outlying`, why a mesh is an outlier, if it is.
-
-    The way begins at the median of the meshes of one cell size and mesher. Without a limit there are no outliers.
-
-    Parameters
-    ----------
-    rows : all strings, as read from the tables
-    """
-    worst = pd.to_numeric(rows.get("q_max", pd.Series(MISSING, rows.index)), errors="coerce")
-    usual = worst.groupby([rows["cell_size_mm"], rows["mesher"]]).transform("median")
-    way = (np.nan if limit is None else limit) - usual
-    share = ((worst - usual) / way.where(way > 0)).clip(lower=0)
-    why = [
-        f"worst q {own:.3f}, usually {median:.3f}, limit {limit:g}" if far > OUTLIER else ""
-        for own, median, far in zip(worst, usual, share, strict=True)
-    ]
-    return rows.assign(outlier=share.map(cell), outlying=why)
-
-
-def _limit(entry: Mapping[str, Any]) -> float | None:
-    """The limit in the sidecar's entry of a column: of ``< 0.6`` it is 0.6."""
-    return float(entry["Threshold"].split()[-1]) if "Threshold" in entry else None
-
-
 def ordered(rows: pd.DataFrame) -> pd.DataFrame:
-    """Failed cases first, then uncertified ones, then the others, with the farthest outlier first."""
-    rank = pd.DataFrame(
-        {
-            "state": rows["state"].map(_ORDER.index),
-            "score": -pd.to_numeric(rows["outlier"], errors="coerce").fillna(-1.0),
-            **{name: rows[name] for name in KEY},
-        }
-    )
+    """Failed cases first, then uncertified ones, then the others; of one state the largest worst q first."""
+    rank = rows[KEY].copy()
+    rank.insert(0, "state", rows["state"].map(_ORDER.index))
+    if "q_max" in rows:
+        rank.insert(1, "q", -pd.to_numeric(rows["q_max"], errors="coerce"))
     return rows.loc[rank.sort_values(list(rank.columns)).index]
 
 

@@ -1,4 +1,4 @@
-"""Tables over all meshes: quality, summary, stages, tissues. A JSON sidecar explains every column."""
+"""Tables over all meshes: quality, stages, tissues. A JSON sidecar explains every column."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from cortet.measure.counts import COUNTED_LIMITS
 from cortet.report import DATA
 from cortet.report.numbers import Certificate
 from cortet.report.records import read_record
-from cortet.report.table_files import Table, mean_and_sd, median_and_range, write
+from cortet.report.table_files import Table, write
 from cortet.solver_files.volumes import TISSUE_COLUMNS
 
-VERSION: int = 7
+VERSION: int = 8
 
 #: columns of a case from the cohort sheet; its further columns follow
 CASE_COLUMNS = (
@@ -58,20 +58,6 @@ _MESH = [
 ]
 #: columns of `cohort_tissues.tsv`
 TISSUES = Table("Tissue in every mesh, by the labels of its volumes", (*_MESH, *TISSUE_COLUMNS), group=("case",))
-#: one row per cell size and mesher, in the format of Table 1 of the CORTET paper
-SUMMARY = Table(
-    "Element quality per cell size and mesher",
-    (
-        Column("cell_size_mm", "Cell size h", "mm"),
-        Column("mesher", "Mesher of stage S1"),
-        Column("meshes", "Number of meshes"),
-        Column("certified", "Number of certified meshes"),
-        Column("q_mean", "Mean of q per mesh: mean ± sample standard deviation over the meshes, of two [min-max]"),
-        Column("q_max", "Largest q per mesh: median [min-max] over the meshes"),
-        Column("q_above_0.6", "Tetrahedra with q > 0.6 per mesh: median [min-max] over the meshes"),
-        Column("q_above_0.6_total", "Tetrahedra with q > 0.6 in all meshes"),
-    ),
-)
 
 
 def quality_table(certificates: Sequence[Certificate], cases: Iterable[Case]) -> pd.DataFrame:
@@ -123,40 +109,11 @@ def _limit(certificates: Sequence[Certificate], check_id: str) -> str:
     return f"{sign} {limits[0]:g}" + (f" to {limits[-1]:g}, by the mesh" if len(limits) > 1 else "")
 
 
-def summary_table(quality: pd.DataFrame) -> pd.DataFrame:
-    """The quality table summarised per cell size and mesher, as the paper's Table 1; columns of `SUMMARY`."""
-    groups = quality.groupby(["cell_size_mm", "mesher"])
-    summary = groups.agg(
-        meshes=("verdict", "size"),
-        certified=("verdict", lambda verdicts: (verdicts == "pass").sum()),
-        q_mean=("q_mean", _mean_and_sd),
-        q_max=("q_max", lambda values: _median_and_range(values, 3)),
-        **{
-            "q_above_0.6": ("q_above_0.6", lambda values: _median_and_range(values, 0)),
-            "q_above_0.6_total": ("q_above_0.6", "sum"),
-        },
-    )
-    return summary.reset_index()[names(SUMMARY.columns)]
-
-
-def _mean_and_sd(values: pd.Series[float]) -> str:
-    return mean_and_sd(values.mean(), values.std() if len(values) > 1 else None, n=len(values))
-
-
-def _median_and_range(values: pd.Series[float], digits: int) -> str:
-    return median_and_range(values.median(), values.min(), values.max(), digits)
-
-
 def write_quality(certificates: Sequence[Certificate], cases: Iterable[Case], outputs: Iterable[str | Path]) -> None:
     """Write the quality of every mesh, in the forms of `table_files.write`; parameters as in `quality_table`."""
     rows = quality_table(certificates, cases)
     columns = quality_columns(certificates, rows.columns)
     write(Table("Quality, fidelity and topology of every mesh", columns), rows, *outputs)
-
-
-def write_summary(certificates: Sequence[Certificate], cases: Iterable[Case], outputs: Iterable[str | Path]) -> None:
-    """Write `SUMMARY`; parameters as in `quality_table`."""
-    write(SUMMARY, summary_table(quality_table(certificates, cases)), *outputs)
 
 
 def write_stages(records: Iterable[str | Path], outputs: Iterable[str | Path]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from string import ascii_lowercase
@@ -23,7 +23,7 @@ from cortet.formats.tsv import read_tsv
 from cortet.report import published
 from cortet.report.colours import BLUE, DARK_GREY, GREEN, GREY, VERMILION
 
-VERSION: int = 7
+VERSION: int = 8
 
 #: width of one column and of both columns of a two-column journal, inches
 COLUMN, PAGE = 3.5, 7.2
@@ -58,8 +58,6 @@ STYLE = {
 Q, Q_AXIS, Q_MAX = "$q$", "$q$ (0 regular, 1 flat)", r"$q_\mathrm{max}$"
 #: the cell size as figures write it
 H = "$h$"
-#: position of meshes of unknown age, beyond the end of the age axis: a fraction of its length
-_BESIDE = 1.06
 #: column of the quality table -> label of its panel
 PANELS = {
     "tets": "tetrahedra (thousands)",
@@ -97,53 +95,44 @@ def legend(figure: Figure, axes: Iterable[Axes], *, columns: int) -> None:
     figure.legend(list(handles.values()), list(handles), loc="outside upper center", ncols=min(len(handles), columns))
 
 
-def cohort_figure(
-    table: Path, *, limit: float | None = None, target: float | None = None, panels: Sequence[str] = tuple(PANELS)
-) -> Figure:
+def cohort_figure(table: Path, *, limit: float | None = None, target: float | None = None) -> Figure:
     """Tetrahedra, mean q, worst q and fidelity of every mesh against gestational age, over the published cohort.
 
-    If no age is known, meshes stand side by side in the order of the table, without the published ones.
+    If no age is known, meshes stand side by side in the order of the table, without the published ones; else those of
+    unknown age are left out.
 
     The number of tetrahedra follows the cell size, so the published ones are shown only beside meshes of theirs; q
-    depends little on it, and a panel with others says what the published one is. Meshes of unknown age are drawn beyond
-    the end of the age axis; a cross marks those of known age that are not certified.
+    depends little on it, and a panel with others says what the published one is. A cross marks meshes that are not
+    certified.
 
     Parameters
     ----------
     table : `cohort_quality.tsv`
     limit : of the worst q, drawn as a line; None draws none
     target : of the worst q, below which nothing is improved, drawn as a dotted line; None draws none
-    panels : columns of the table; a single one has the width of a column
     """
     rows, theirs = read_tsv(table), published.cohort()
-    numbers = ["cell_size_mm", "scan_age", *panels]
+    numbers = ["cell_size_mm", "scan_age", *PANELS]
     rows[numbers] = rows[numbers].apply(pd.to_numeric, errors="coerce")  # an age may be n/a
     label_of_x = "gestational age (weeks)"
     if rows["scan_age"].isna().all():
         rows["scan_age"], theirs = np.arange(1, len(rows) + 1), theirs[[]]
         label_of_x = "case, in the order of the table"
+    rows = rows.dropna(subset="scan_age")
     refused = rows[rows["verdict"] == "fail"] if "verdict" in rows else rows[:0]
     like = bool(np.isclose(rows["cell_size_mm"], published.CELL_SIZE).any())
-    several = len(panels) > 1
-    end = 2 * _BESIDE - 1 if rows["scan_age"].isna().any() else 1  # beyond the meshes of unknown age
-    with drawn(*((PAGE, 4.6) if several else (COLUMN, 2.6))) as figure:
-        axes = figure.subplots(2 if several else 1, 2 if several else 1, sharex=True, squeeze=False).ravel()
-        if several:
-            letter(axes)
-        for axis, column in zip(axes, panels, strict=True):
+    with drawn(PAGE, 4.6) as figure:
+        axes = figure.subplots(2, 2, sharex=True).ravel()
+        letter(axes)
+        for axis, (column, label_of_y) in zip(axes, PANELS.items(), strict=True):
             unit = 1000 if column == "tets" else 1
             _panel(axis, rows, theirs if column in theirs and (like or column != "tets") else None, column, unit)
             if len(refused):
                 mark = {"s": 22, "marker": "x", "color": "black", "linewidths": 0.8, "clip_on": False, "zorder": 3}
                 label_of = f"not certified ($n$ = {len(refused)})"
                 axis.scatter(refused["scan_age"], refused[column] / unit, label=label_of, **mark)
-            axis.set(xlabel=label_of_x, ylabel=PANELS[column])
+            axis.set(xlabel=label_of_x, ylabel=label_of_y)
             axis.tick_params(labelbottom=True)
-            if rows["scan_age"].isna().any():
-                axis.annotate(
-                    "age\nn/a", (_BESIDE, 0), xycoords="axes fraction", xytext=(0, -3), textcoords="offset points",
-                    ha="center", va="top", fontsize="small", linespacing=0.9,
-                )  # fmt: skip
             axis.xaxis.set_major_locator(MaxNLocator(8, integer=True, min_n_ticks=1))
             if column == "q_mean":
                 axis.yaxis.set_major_locator(MaxNLocator(5))
@@ -154,7 +143,7 @@ def cohort_figure(
                     if value is not None:
                         axis.axhline(value, color="black", linestyle=line, linewidth=0.8)
                         axis.annotate(
-                            f"{name}\n{value:g}", (end, value), xycoords=axis.get_yaxis_transform(), xytext=(3, 0),
+                            f"{name}\n{value:g}", (1, value), xycoords=axis.get_yaxis_transform(), xytext=(3, 0),
                             va="center", textcoords="offset points", fontsize="small", linespacing=0.9,
                         )  # fmt: skip
                 if target is not None:
@@ -166,7 +155,7 @@ def cohort_figure(
                     f"grey: {H} = {published.CELL_SIZE:g} mm", (0.02, 1), xycoords="axes fraction",
                     ha="left", va="bottom", fontsize="small", color=DARK_GREY,
                 )  # fmt: skip
-        legend(figure, axes, columns=4 if several else 2)
+        legend(figure, axes, columns=4)
     return figure
 
 
@@ -258,23 +247,14 @@ def _panel(axis: Axes, rows: pd.DataFrame, theirs: pd.DataFrame | None, column: 
             chosen = of_size[of_size["hemi"] == hemi]
             if chosen.empty:
                 continue
-            known = chosen["scan_age"].notna()
-            style: dict[str, Any] = {
-                "s": 16 + 10 * rank,
-                "marker": marker,
-                "facecolors": "none" if rank else colour,  # the finest meshes filled, coarser ones larger and open
-                "edgecolors": colour,
-                "linewidths": 0.8,
-                "clip_on": False,  # coarse meshes have few tetrahedra: their marks touch the axis
-            }
-            label = f"{side}, {H} = {size:g} mm ($n$ = {len(chosen)})"
-            axis.scatter(chosen["scan_age"][known], chosen[column][known] / unit, label=label, **style)
-            if not known.all():
-                values, outside = chosen[column][~known] / unit, axis.get_yaxis_transform()
-                axis.scatter(np.full(len(values), _BESIDE), values, transform=outside, **style)
-                ages = rows["scan_age"].dropna()
-                if theirs is not None:
-                    ages = published.cohort()["scan_age_weeks"]
-                middle = float(ages.median())  # the value axis covers theirs, too
-                axis.update_datalim([(middle, value) for value in values])
-                axis.autoscale_view()
+            axis.scatter(
+                chosen["scan_age"],
+                chosen[column] / unit,
+                s=16 + 10 * rank,
+                marker=marker,
+                facecolors="none" if rank else colour,  # the finest meshes filled, coarser ones larger and open
+                edgecolors=colour,
+                linewidths=0.8,
+                clip_on=False,  # coarse meshes have few tetrahedra: their marks touch the axis
+                label=f"{side}, {H} = {size:g} mm ($n$ = {len(chosen)})",
+            )

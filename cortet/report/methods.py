@@ -1,7 +1,6 @@
 """The methods paragraph of a run, for a paper: parameters, versions, numbers, exclusions and references.
 
-`logs/CITATION.{md,bib}` cite by keys of the BibTeX file: `pandoc --citeproc --bibliography CITATION.bib` resolves them.
-`methods.md` has the references as a reader sees them.
+`logs/CITATION.md` cites by keys of `CITATION.bib`: `pandoc --citeproc --bibliography CITATION.bib` resolves them.
 """
 
 from __future__ import annotations
@@ -9,7 +8,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 
 from cortet.cohort.sheet import Case
 from cortet.formats.atomic import atomic_path
@@ -76,30 +74,20 @@ def methods_text(certificates: Sequence[Certificate], sheet: Iterable[Case], fai
     return " ".join(sentences) + "\n"
 
 
-def write_methods(paragraph: str, certificates: Sequence[Certificate], markdown: str | Path) -> None:
-    """Write the paragraph with numbered references to what the run used.
+def write_citation(paragraph: str, certificates: Sequence[Certificate], markdown: str, bibtex: str) -> None:
+    """Write the paragraph with the keys of its references, and the references.
 
     Parameters
     ----------
     paragraph : from `methods_text`
     certificates : contents of the certificates that the paragraph is about
     """
-    references = [_reference(REFERENCES[key]) for key in cited(certificates)]
-    listed = "\n".join(f"{number}. {words}" for number, words in enumerate(references, start=1))
-    _write(markdown, f"{paragraph.strip()} {_CLOSING} [1-{len(references)}].\n\n## References\n\n{listed}\n")
-
-
-def write_citation(paragraph: str, certificates: Sequence[Certificate], markdown: str, bibtex: str) -> None:
-    """Write the paragraph with the keys of its references, and the references; parameters as in `write_methods`."""
     keys = cited(certificates)
     in_text = "; ".join(f"@{key}" for key in keys)
-    _write(markdown, f"{paragraph.strip()} {_CLOSING} [{in_text}].\n\n### References\n")
-    _write(bibtex, "\n".join(REFERENCES[key] for key in keys))
-
-
-def _write(path: str | Path, text: str) -> None:
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    text = f"{paragraph.strip()} {_CLOSING} [{in_text}].\n\n### References\n"
+    for path, content in ((markdown, text), (bibtex, "\n".join(REFERENCES[key] for key in keys))):
+        with atomic_path(path) as temporary:
+            temporary.write_text(content, encoding="utf-8")
 
 
 def cited(certificates: Sequence[Certificate]) -> list[str]:
@@ -112,15 +100,6 @@ def cited(certificates: Sequence[Certificate]) -> list[str]:
     if any(stages.get("smooth_surface", {}).get("method") == "taubin" for stages in worked):
         used.add("taubin")
     return [key for key in REFERENCES if key in used]
-
-
-def _reference(entry: str) -> str:
-    """A reference as a reader sees it."""
-    fields = dict(re.findall(r"^  (\w+) = \{(.*)\},$", entry, flags=re.MULTILINE))
-    fields = {name: value.replace("{", "").replace("}", "") for name, value in fields.items()}
-    where = [fields[name] for name in ("journal", "booktitle", "volume", "year", "note", "url") if name in fields]
-    where += [f"arXiv:{fields['eprint']}"] if "eprint" in fields else []
-    return f"{fields['author'].replace(' and ', '; ')}: {fields['title']}. {', '.join(where)}."
 
 
 def _cohort(cases: Sequence[Case]) -> list[str]:

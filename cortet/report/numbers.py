@@ -1,4 +1,7 @@
-"""Numbers of a certificate in words: those of its elements, and its checks beside their limits."""
+"""Numbers of a certificate in words: those of its elements, and its checks beside their limits.
+
+A module of its own, as reading records does not load what measures.
+"""
 
 from __future__ import annotations
 

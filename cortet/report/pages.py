@@ -28,7 +28,7 @@ from cortet.report.colours import BLUE
 from cortet.version import __version__
 
 #: version of the pages of cases and of the cohort, and of their templates
-VERSION: int = 11
+VERSION: int = 12
 
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("cortet.report", "templates"),
@@ -110,7 +110,6 @@ def table(
     cohort: bool = False,
     sortable: bool = False,
     first: int | None = None,
-    missing: str = "",
     attributes: Iterable[Row] = (),
 ) -> Part:
     """A table as a part of a page; its first column names the rows.
@@ -123,7 +122,6 @@ def table(
     cohort : the table has many columns, and its first column stays in sight
     sortable : `table.js` sorts and filters it
     first : number of columns shown at first; the reader can choose others (`table.js`); None: all
-    missing : text for a missing value
     attributes : attributes of the HTML element of each row
     """
     return "table", {
@@ -143,20 +141,20 @@ def table(
             for place, column in enumerate(columns)
         ],
         "rows": [
-            ([_cell(column, row, sortable, missing) for column in columns], own)
+            ([_cell(column, row, sortable) for column in columns], own)
             for row, own in itertools.zip_longest(rows, attributes, fillvalue=dict[str, Any]())
         ],
     }
 
 
-def _cell(column: Column, row: Row, sortable: bool, missing: str) -> tuple[str | Part, dict[str, Any]]:
+def _cell(column: Column, row: Row, sortable: bool) -> tuple[str | Part, dict[str, Any]]:
     """Content of a cell, and the attributes of its HTML element."""
     value = row.get(column.name)
     if isinstance(value, tuple):
         return value, {"class": "n" if column.form else value[0]}
     text = column.text(row)
     kind = "n" if column.form else "t" if len(text) > _LONG else None
-    return missing if text == MISSING else text, {"class": kind, "data-value": column.number(row) if sortable else None}
+    return "" if text == MISSING else text, {"class": kind, "data-value": column.number(row) if sortable else None}
 
 
 def source(name: str) -> str:

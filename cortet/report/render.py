@@ -12,7 +12,6 @@ import matplotlib as mpl
 import matplotlib.image
 import numpy as np
 import pyvista
-from matplotlib.colors import Colormap
 from numpy.typing import NDArray
 
 from cortet.errors import InputError, StageError
@@ -92,10 +91,6 @@ def picture(
     view : side from which it is seen; None: from the cut, a little from above and beside
     regions : whether colours are those of regions (`REGION_COLOURS`) instead of q; None: where surfaces part them
     size : pixels, width and height
-
-    Raises
-    ------
-    InputError : the mesh has no regions, or the plane leaves none of it
     """
     k = _AXES[axis]
     if regions is None:
@@ -208,7 +203,7 @@ def surface_view(
     size: tuple[int, int] = (900, 675),
     values: FloatArray | None = None,
     limits: tuple[float, float] = (0.0, 1.0),
-    colours: str | Colormap = "Greys",
+    colours: str = "Greys",
     framed: bool = True,
 ) -> NDArray[np.uint8]:
     """Draw a surface from the left or the right of the head; open and branching edges are drawn over it.
@@ -220,7 +215,7 @@ def surface_view(
     size : pixels, width and height
     values : (m,) one per face, which colours the faces; None: the surface is grey
     limits : values of the first and the last colour
-    colours : Matplotlib colour map, or its name
+    colours : name of a colour map of Matplotlib
     framed : whether a scale bar and the directions stand below the surface
 
     Returns
@@ -260,13 +255,7 @@ def webp(image: NDArray[np.uint8]) -> bytes:
 
 @contextmanager
 def off_screen(size: tuple[int, int]) -> Iterator[pyvista.Plotter]:
-    """A white picture of `size` pixels to draw in, without a display.
-
-    Raises
-    ------
-    InputError : no picture can have this size
-    StageError : the graphics library cannot draw here
-    """
+    """A white picture of `size` pixels to draw in, without a display."""
     sides = size if isinstance(size, tuple | list) and len(size) == 2 else [0]
     if not all(isinstance(pixels, int | np.integer) and 1 <= pixels <= _MOST_PIXELS for pixels in sides):
         what = f"a picture of {size!r} pixels cannot be drawn"

@@ -1,9 +1,8 @@
-"""Tables in several forms: TSV with a JSON sidecar for machines; LaTeX, Markdown and HTML for readers."""
+"""Tables in several forms: TSV with a JSON sidecar for machines; LaTeX for readers."""
 
 from __future__ import annotations
 
 import math
-import operator
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -15,7 +14,6 @@ from pandas.io.formats.style import Styler
 from cortet.formats.atomic import atomic_path
 from cortet.formats.tables import Column, Row, described, headed, write_table
 from cortet.formats.tsv import MISSING
-from cortet.report import pages
 
 VERSION: int = 6
 
@@ -50,7 +48,7 @@ class Table:
 
 
 def write(table: Table, rows: pd.DataFrame | Iterable[Row], *paths: str | Path) -> None:
-    """Write the table once per path, in the form of its suffix: tsv, json (the sidecar of the TSV), tex, md or html.
+    """Write the table once per path, in the form of its suffix: tsv, json (the sidecar of the TSV) or tex.
 
     Parameters
     ----------
@@ -59,14 +57,11 @@ def write(table: Table, rows: pd.DataFrame | Iterable[Row], *paths: str | Path) 
     frame = rows if isinstance(rows, pd.DataFrame) else pd.DataFrame(list(rows), dtype=object)
     texts, starts = printed(table, frame), starts_of_groups(frame, table.group)
     for path in map(Path, paths):
-        if path.suffix in (".tsv", ".json"):
-            write_table(table.columns, frame, path)
-        elif path.suffix == ".html":
-            _write_html(table, texts, starts, path)
-        else:
-            text = _latex(table, texts, starts) if path.suffix == ".tex" else _markdown(table, texts)
+        if path.suffix == ".tex":
             with atomic_path(path) as temporary:
-                temporary.write_text(text, encoding="utf-8")
+                temporary.write_text(_latex(table, texts, starts), encoding="utf-8")
+        else:
+            write_table(table.columns, frame, path)
 
 
 def printed(table: Table, rows: pd.DataFrame) -> pd.DataFrame:
@@ -160,35 +155,3 @@ def _of_numbers(texts: pd.Series[str]) -> bool:
     """Whether all cells of a column that have a value hold numbers."""
     known = [text for text in texts if text != MISSING]
     return bool(known) and all(map(_NUMBER.fullmatch, known))
-
-
-def _markdown(table: Table, texts: pd.DataFrame) -> str:
-    escaped = texts.map(_no_bar).rename(columns=lambda text: _no_bar(_italic(text)))
-    notes = [f"- **{_italic(column.heading)}**: {column.description}" for column in table.printed]
-    sides = ["right" if _of_numbers(texts.iloc[:, place]) else "left" for place in range(len(texts.columns))]
-    cells = escaped.to_markdown(index=False, tablefmt="pipe", disable_numparse=True, colalign=sides)
-    return "\n".join([f"**{table.title}**", "", cells, "", *notes, ""])
-
-
-def _italic(text: str) -> str:
-    """A heading for Markdown, with its symbols in italics."""
-    return _SYMBOL.sub(lambda found: f"*{found[1]}*" + (f"<sub>{found[2]}</sub>" if found[2] else ""), text)
-
-
-def _no_bar(text: str) -> str:
-    """A text for a cell of Markdown, where a bar would end the cell."""
-    return text.replace("|", r"\|")
-
-
-def _write_html(table: Table, texts: pd.DataFrame, starts: Sequence[int], path: Path) -> None:
-    columns = [
-        Column(
-            name, heading=name, form=operator.itemgetter(name) if place and _of_numbers(texts.iloc[:, place]) else ""
-        )
-        for place, name in enumerate(texts)
-    ]
-    rows = texts.to_dict("records")
-    rules = [{"class": "rule"} if number in starts else {} for number in range(len(rows))]
-    meanings = {column.heading: column.description for column in table.printed}
-    shown = pages.table("", columns, rows, name=table.title, cohort=True, missing=MISSING, attributes=rules)
-    pages.write(path, table.title, [], end=[shown, ("story", {"texts": meanings})], wide=True)

@@ -13,19 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.formats.surface_sets import (
-    CORE,
-    CORTEX,
-    INTERFACE,
-    OUTER_SURFACE,
-    SURFACE,
-    among,
-    interface_sets,
-    surface_faces,
-)
-from cortet.geometry.topology import TET_FACES, boundary_faces, packed
+from cortet.formats.surface_sets import surface_faces
+from cortet.geometry.topology import boundary_faces, packed
 from cortet.measure.quality import signed_volumes
-from cortet.meshes import AROUND, IntArray, TetMesh
+from cortet.meshes import IntArray, TetMesh
 
 
 def broken_conventions(mesh: TetMesh) -> list[str]:
@@ -33,7 +24,6 @@ def broken_conventions(mesh: TetMesh) -> list[str]:
     return [
         *_volumes(mesh),
         *_surface(mesh),
-        *_sets(mesh),
         *_fields(mesh.point_data, len(mesh.points), "nodes"),
         *_fields(mesh.cell_data, len(mesh.cells), "tetrahedra"),
     ]
@@ -69,41 +59,6 @@ def _surface(mesh: TetMesh) -> Iterator[str]:
     inward = np.flatnonzero(known)[~_same_turn(listed[known], partners)]
     if len(inward):
         yield f"{len(inward)} triangles face inward, the first is number {inward[0] + 1}"
-    yield from _other_faces(mesh, boundary)
-
-
-def _other_faces(mesh: TetMesh, boundary: IntArray) -> Iterator[str]:
-    """Faces of the sets that do not divide the boundary; labels may lie on a brain inside it."""
-    between = list(interface_sets(mesh).values()) if OUTER_SURFACE in mesh.sets.faces else []
-    known = np.concatenate([boundary, *between])
-    for name, faces in mesh.sets.faces.items():
-        if name.endswith(INTERFACE) and len(faces):
-            if misplaced := _not_between(mesh, faces):
-                yield f"face set {name} names {misplaced} faces that are not between two tetrahedra"
-        elif name not in SURFACE and (strange := np.count_nonzero(~among(faces, known))):
-            yield f"face set {name} names {strange} faces that are not on the boundary"
-
-
-def _not_between(mesh: TetMesh, faces: IntArray) -> int:
-    """Number of faces that are not shared by two tetrahedra."""
-    near = mesh.cells[np.isin(mesh.cells, faces).sum(axis=1) >= 3][:, TET_FACES].reshape(-1, 3)
-    key = packed(np.concatenate([faces, near]))
-    known, times = np.unique(key[len(faces) :], return_counts=True)
-    return int(np.count_nonzero(~np.isin(key[: len(faces)], known[times == 2])))
-
-
-def _sets(mesh: TetMesh) -> Iterator[str]:
-    """The node set of a part of the surface holds the nodes of its faces; each tetrahedron is in one region."""
-    for name in SURFACE:
-        if name in mesh.sets.nodes and name in mesh.sets.faces:
-            nodes = np.unique(mesh.sets.faces[name])
-            if differing := len(np.setxor1d(mesh.sets.nodes[name], nodes)):
-                yield f"node set {name} differs from the nodes of its faces in {differing} nodes"
-    if {CORTEX, CORE} <= mesh.sets.cells.keys():
-        regions = [mesh.sets.cells[name] for name in (CORTEX, CORE, *AROUND) if name in mesh.sets.cells]
-        times = np.bincount(np.concatenate(regions), minlength=len(mesh.cells))
-        if wrong := np.count_nonzero(times != 1):
-            yield f"{wrong} tetrahedra are in no region, or in two"
 
 
 def _fields(fields: dict[str, NDArray[Any]], count: int, kind: str) -> Iterator[str]:

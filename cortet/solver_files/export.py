@@ -111,18 +111,11 @@ def export(
     certificate : content of the mesh's certificate.json
     uncertified : write the mesh even if it is not certified
     unit : unit of the coordinates, ``mm`` or ``um``, for formats that do not state it
-    about : `frame`, `sources`, `interior` and `made_from`, as `sidecar.sidecar` takes them
+    about : `frame`, `sources` and `made_from`, as `sidecar.sidecar` takes them
 
     Returns
     -------
     which fields and sets the format cannot hold, or not by their names, in words
-
-    Raises
-    ------
-    InputError
-        a field has no real numbers
-    StageError
-        the certificate is of a different mesh, or the mesh is not certified or breaks a convention of solvers
     """
     require_certified(mesh, certificate, path, uncertified=uncertified)
     return _write_all(mesh, path, FORMATS[solver], unit, final_name(path), about)
@@ -196,14 +189,6 @@ def convert(
     Returns
     -------
     what was changed on the way, in words
-
-    Raises
-    ------
-    InputError
-        a file name selects no format; or `source` cannot be read, holds a surface, has inverted tetrahedra, has not the
-        size of a brain, or holds tetrahedra that fill no body
-    StageError
-        the mesh breaks a convention of solvers
     """
     written_as, record = format_of(target), read_sidecar(source)
     done = [f"{source.name} was {CHANGED}"] if changed_since(source) else []
@@ -222,7 +207,6 @@ def convert(
     about = {
         "frame": CoordinateFrame(**{**stored, "matrix": tuple(stored["matrix"])}) if stored else None,
         "sources": {name: _source(field) for name, field in fields.items() if field["source"]},
-        "interior": next((field["interior"] for field in fields.values()), None),
         "made_from": moved(record.get("made_from"), source.parent, target.parent),
     }
     return done + _write_all(mesh, target, written_as, unit, source, about)

@@ -16,7 +16,6 @@ from cortet.formats.gifti import read_fields, read_label_names
 from cortet.formats.hashing import input_sha256
 from cortet.measure.quality import quality
 from cortet.meshes import TetMesh, TriSurface
-from cortet.solver_files.names import check_age
 from cortet.stages.transfer import THICKNESS
 
 #: name of the field of tetrahedra that files for viewers have
@@ -106,6 +105,5 @@ def _named(name: str, file: str | Path) -> Iterator[tuple[str, NDArray[Any]]]:
     if not arrays:
         raise InputError("holds no per-vertex array", file=file, remedy="give a .shape, .func or .label GIfTI file")
     for own_name, values in arrays.items():
-        check_age(name, own_name, file)
         full = name if len(arrays) == 1 else f"{name}_{own_name}"
         yield re.sub(r"[^A-Za-z0-9_-]+", "_", full), values

@@ -23,10 +23,6 @@ class Laminar:
     found : map of the mesh
     inner : names of the regions of the mesh from 2 on
     equivolumetric : whether depths are shares of the volume of a column, or of its length
-
-    Raises
-    ------
-    InputError : there is no inner surface `white`
     """
 
     def __init__(self, found: SurfaceMap, inner: Iterable[str], *, equivolumetric: bool = True) -> None:

@@ -185,11 +185,6 @@ def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) ->
     mesh : file of the mesh
     given : file of a surface
     inner : region -> file of a surface within it
-
-    Raises
-    ------
-    InputError
-        no surface is given and no sidecar names one, or the surface that was meshed is missing or has changed
     """
     record = read_sidecar(mesh).get("made_from")
     named = ({region_names(inner)[0]: given} if given else {}) | dict(inner)

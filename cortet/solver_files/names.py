@@ -6,15 +6,13 @@ import re
 import unicodedata
 from collections.abc import Collection, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
-from cortet.formats.surface_sets import CORE
-from cortet.formats.tags import face_tags, region_numbers, regions
+from cortet.formats.tags import face_tags, regions
 from cortet.formats.untrusted import safely_named
 from cortet.meshes import REGION, MeshSets, TetMesh
 from cortet.solver_files.sets import set_name
@@ -77,8 +75,6 @@ def left_out(mesh: TetMesh, back: TetMesh) -> list[str]:
     for what, before, after in zip(whats, _named(mesh), _named(back), strict=True):
         lost = [name for name in before if name not in after]
         lost = [name for name in lost if name != REGION]  # every format has the numbers
-        if before is mesh.sets.cells and after and _is_of_regions(mesh, CORE):
-            lost = [name for name in lost if name != CORE]
         one = after and what in whats[3:]
         why = "an element can be in only one set" if one else f"the format has no {what}"
         told += [f"left out, because {why}: {', '.join(lost)}"] if lost else []
@@ -86,13 +82,6 @@ def left_out(mesh: TetMesh, back: TetMesh) -> list[str]:
         if before is mesh.sets.cells and after and volumes:
             told.append(f"`cortet convert --tags {volumes[0]}` writes labels of {volumes[0]} in place of the regions")
     return told
-
-
-def _is_of_regions(mesh: TetMesh, name: str) -> bool:
-    """Whether a set of tetrahedra is made of whole regions, which tell it."""
-    number = region_numbers(mesh)
-    own = number[mesh.sets.cells.get(name, np.empty(0, np.int32))]
-    return int(np.count_nonzero(np.isin(number, own))) == len(own)
 
 
 def _named(mesh: TetMesh) -> tuple[Mapping[str, object], ...]:
@@ -134,14 +123,3 @@ def age_of_growth(name: str) -> float | None:
     """The age in weeks up to which a field of this name holds growth; None if it is not such a field."""
     found = _GROWTH.fullmatch(name)
     return float(found[1].replace("_", ".")) if found else None
-
-
-def check_age(name: str, own_name: str, file: str | Path) -> None:
-    """Raise InputError for growth that is named for another age than the one up to which it was measured."""
-    wanted, measured = age_of_growth(name), age_of_growth(own_name)
-    if wanted is not None and measured is not None and wanted != measured:
-        raise InputError(
-            f"holds growth up to {measured:g} weeks, but the field is named {name}",
-            file=file,
-            remedy=f"name it {own_name}",
-        )

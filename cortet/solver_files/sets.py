@@ -66,11 +66,6 @@ def named_sets(
         brain is among them (`meshes.region_names`), region 1 lies around it, neither cortex nor core, and the boundary
         is the set of faces `outer_surface`. Without inner surfaces the cortex is region 1 and the core region 2, unless
         the mesh has numbers of regions already
-
-    Raises
-    ------
-    InputError
-        the mesh lacks a named field, the field is of the wrong kind, or nothing is left of the cortical surface
     """
     number = mesh.cell_data.get(REGION) if inner else None
     names_of = region_names(inner)

@@ -10,10 +10,9 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
 from numpy.typing import NDArray
-from pydantic import BaseModel, Field, FiniteFloat
 
 from cortet.errors import InputError
 from cortet.formats.hashing import sha256
@@ -48,7 +47,6 @@ def sidecar(
     unit: str,
     frame: CoordinateFrame | None = None,
     sources: Mapping[str, FieldSource] | None = None,
-    interior: str | None = None,
     made_from: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Content of the sidecar.
@@ -59,7 +57,6 @@ def sidecar(
     meant : the mesh that was written, with the names that a format may not hold
     frame : coordinate system of the surface the mesh was made from
     sources : name of a field -> where it came from
-    interior : how interior nodes got their values; None if that is not known
     made_from : from `meshed.made_from`
     """
     record: dict[str, Any] = {
@@ -85,8 +82,7 @@ def sidecar(
     faces = boundary_faces(content) if isinstance(content, TetMesh) else content.faces
     known, units = sources or {}, {THICKNESS: "mm", **(UNITS if (made_from or {}).get("layers") else {})}
     fields = {
-        name: _field(values, known.get(name), units.get(name, "unknown"), interior)
-        for name, values in content.point_data.items()
+        name: _field(values, known.get(name), units.get(name, "unknown")) for name, values in content.point_data.items()
     }
     return record | {
         "boundary_faces": len(faces),
@@ -95,57 +91,14 @@ def sidecar(
     }
 
 
-class _Field(BaseModel):
-    """The part of a field's record that is read."""
-
-    source: str
-    source_sha256: str
-    units: str
-    kind: Literal["label", "scalar", "unknown"]
-    interior: str
-
-
-class _Frame(BaseModel, extra="forbid"):
-    dataspace: str
-    xformspace: str
-    matrix: Annotated[list[FiniteFloat], Field(min_length=16, max_length=16)]
-
-
-class _Surface(BaseModel):
-    file: str
-    sha256: str
-
-
-class _MadeFrom(BaseModel):
-    """The part of a mesh's origin that is read."""
-
-    given: dict[str, _Surface]
-    meshed: dict[str, _Surface]
-    hemisphere: Literal["L", "R"] | None = None
-    gestational_age: Annotated[FiniteFloat, Field(strict=True)] | None = None
-    #: share of the volume of each layer of the cortex, the outermost first
-    layers: list[FiniteFloat] = []
-
-
-class _Record(BaseModel):
-    """The part of a sidecar, of whatever origin, that is read."""
-
-    fields_: dict[str, _Field] = Field(alias="fields")
-    files: dict[str, str] = {}
-    units: dict[str, str] = {}
-    coordinate_system: _Frame | None = None
-    made_from: _MadeFrom | None = None
-
-
 def read_sidecar(path: Path) -> dict[str, Any]:
-    """Content of the sidecar of a mesh file; empty if there is none."""
+    """Content of the sidecar of a mesh file; empty if there is none, or a JSON file of another program."""
     file = sidecar_path(path)
     if not file.exists():
         return {}
-    with by_library("a sidecar of a mesh", file):
+    with by_library("JSON", file):
         record: dict[str, Any] = json.loads(content(file))
-        _Record.model_validate(record)
-    return record
+    return record if files_of(file) else {}
 
 
 def changed_since(path: Path) -> bool:
@@ -160,17 +113,12 @@ def changed_since(path: Path) -> bool:
     return any(not file.is_file() or sha256(file) != digest for file, digest in beside.items())
 
 
-def _field(values: NDArray[Any], source: FieldSource | None, units: str, interior: str | None) -> dict[str, Any]:
+def _field(values: NDArray[Any], source: FieldSource | None, units: str) -> dict[str, Any]:
     """Record of a field; `units` are those of a field without a source."""
-    kind = source.kind if source else "unknown"
-    within = "unknown" if source is None or interior is None else "nearest" if kind == "label" else interior
-    boundary = {"label": "label of the largest barycentric weight", "scalar": "barycentric", "unknown": "unknown"}
     return {
         "components": int(values[0].size) if len(values) else 1,
         "units": source.units if source else units,
-        "kind": kind,
+        "kind": source.kind if source else "unknown",
         "source": source.file if source else "",
         "source_sha256": source.sha256 if source else "",
-        "boundary": boundary[kind],
-        "interior": within,
     }

@@ -227,10 +227,6 @@ def map_of_file(path: Path, mesh: TetMesh, surface: Path | None = None) -> tuple
     ----------
     path, mesh : file of a mesh, and what was read from it
     surface : another file, or that of an inner surface
-
-    Raises
-    ------
-    InputError : the mesh was changed, nothing names a surface, or the surface is missing, changed or elsewhere
     """
     if changed_since(path):
         raise InputError(

@@ -16,7 +16,7 @@ from cortet.errors import InputError, place_mm
 from cortet.formats.hashing import sha256
 from cortet.formats.tables import Column
 from cortet.formats.volumes import Volume, label_table, matrices, read_named, six, to_scanner, volume_file, volume_of
-from cortet.geometry.coverage import Coverage, coverage
+from cortet.geometry.coverage import coverage
 from cortet.geometry.limits import NAME
 from cortet.geometry.mending import measurable
 from cortet.geometry.nesting import joined
@@ -35,10 +35,9 @@ logger = logging.getLogger(__name__)
 FIBRE = "fibre"
 #: reserved names
 _TAKEN = (REGION, FIBRE, "q")
-#: labels are misplaced if another position covers this much more of the inside, and this share of what they can cover
-_GAIN, _NEARLY = 0.03, 0.9
-#: x, y and z of LPS, as ITK has them, in RAS
-_LPS = np.array([-1.0, -1.0, 1.0])
+#: labels are misplaced if they cover less than this share of what they could cover of the inside
+_LEAST_COVERED = 0.5
+_REMEDY = "give a volume of this brain, in the space of the surface; one of them may be shifted, flipped, or in LPS"
 #: a warning is given if more than this share of a brain lies where a volume is 0 or holds no number
 _BARE = 0.05
 #: label 0 is the outside, not a tissue, if less than this share of a mesh has it
@@ -110,21 +109,13 @@ def backgrounds(volumes: Mapping[str, Volume], surface: TriSurface) -> list[Back
     Parameters
     ----------
     surface : of the brain, or with brains inside it; in mm, in its frame; coordinates need not be finite
-
-    Raises
-    ------
-    InputError : a volume does not cover the brain, or its labels lie beside it
     """
     if not volumes:
         return []
     brain = _brain(surface)
     for volume in volumes.values():
         _require_cover(volume, brain.points)
-    covered = {name: _covered(volume, brain) for name, volume in volumes.items()}
-    for name, volume in volumes.items():
-        if volume.kind == "labels":
-            _require_on(volume, brain, covered[name])
-    return [_background(name, volume, covered[name]) for name, volume in volumes.items()]
+    return [_background(name, volume, brain) for name, volume in volumes.items()]
 
 
 def _brain(surface: TriSurface) -> TriSurface:
@@ -216,12 +207,8 @@ def _require_cover(volume: Volume, points: FloatArray) -> None:
     """Raise InputError if a surface extends beyond a volume by more than the width of a voxel."""
     shape = np.array(volume.values.shape[:3])
     widths = np.linalg.norm(volume.affine[:3, :3], axis=0)
-
-    def beyond(some: FloatArray) -> FloatArray:
-        where = in_voxels(volume.affine, some)
-        return np.asarray((np.maximum(np.maximum(-0.5 - where, where - shape + 0.5), 0) * widths).max(axis=1))
-
-    out = beyond(points)
+    where = in_voxels(volume.affine, points)
+    out = (np.maximum(np.maximum(-0.5 - where, where - shape + 0.5), 0) * widths).max(axis=1)
     if out.max() <= widths.max():
         return
     corners = np.array(np.meshgrid(*([-0.5, n - 0.5] for n in shape))).reshape(3, -1).T
@@ -230,58 +217,23 @@ def _require_cover(volume: Volume, points: FloatArray) -> None:
         f"{(out > 0).mean():.1%} of the surface's vertices lie outside the volume, by up to {out.max():.1f} mm; it "
         f"reaches from {place_mm(corners.min(axis=0))} to {place_mm(corners.max(axis=0))}"
     )
-    remedy = "give a volume of this brain, in the space of the surface"
-    if beyond(points * _LPS).max() <= widths.max():
-        remedy = "the surface fits if x and y are reversed: if it is in LPS, convert it to RAS"
-    raise InputError(what, file=volume.file, remedy=remedy)
+    raise InputError(what, file=volume.file, remedy=_REMEDY)
 
 
-def _require_on(volume: Volume, surface: TriSurface, found: Coverage) -> None:
-    """Raise InputError if labels lie beside the inside of a surface, but would cover it from another position."""
-    enough = max(found.here + _GAIN, _NEARLY * found.possible)
-    best = max(found.flipped.values())
-    flipped = best >= enough and best >= found.shifted - _GAIN
-    moved = found.shifted >= enough and np.linalg.norm(found.shift) > volume.voxel
-    if not (flipped or moved or not found.here):
-        return
-    turned = replace(surface, points=surface.points * _LPS)  # the way round of its triangles stays
-    share = _covered(volume, turned).here
-    by_one_axis = max(share for axes, share in found.flipped.items() if len(axes) == 1)
-    better = "no shift or flip improves that"
-    if share >= max(enough, by_one_axis + _GAIN):
-        better = f"{share:.0%} with x and y of the surface reversed: if it is in LPS, convert it to RAS"
-    elif flipped:
-        better = f"{_reversed(found)}: if the volume is flipped, export it again with its own affine"
-    elif moved:
-        better = f"{found.shifted:.0%} if shifted by {place_mm(found.shift)}: check whether the volume is shifted"
-    what = f"its labels cover {found.here:.0%} of the surface's inside, and {better}"
-    raise InputError(what, file=volume.file, remedy="give a volume of this brain, in the space of the surface")
-
-
-def _covered(volume: Volume, surface: TriSurface) -> Coverage:
-    """How much of the inside of a surface has a label, or a number other than 0."""
+def _background(name: str, volume: Volume, brain: TriSurface) -> Background:
+    """How much of a brain has no label, or no number other than 0; InputError if most labels lie beside it."""
     values = volume.values if volume.kind == "tensors" else volume.values[..., None]
-    return coverage(surface, np.isfinite(values).all(axis=3) & values.any(axis=3), volume.affine)
-
-
-def _background(name: str, volume: Volume, found: Coverage) -> Background:
-    fraction = max(0.0, 1 - found.here)
+    held = np.isfinite(values).all(axis=3) & values.any(axis=3)
+    covered, possible = coverage(brain, held, volume.affine)
+    if volume.kind == "labels" and covered <= _LEAST_COVERED * possible:
+        what = f"its labels cover {covered:.0%} of the brain, but could cover {possible:.0%}"
+        raise InputError(what, file=volume.file, remedy=_REMEDY)
+    fraction = max(0.0, 1 - covered)
     what = f"{name}: {fraction:.1%} of the brain lies where {volume.file or 'the volume'} is 0 or holds no "
-    what += "label" if volume.kind == "labels" else "number"
-    background = Background(name, fraction, what)
+    background = Background(name, fraction, what + ("label" if volume.kind == "labels" else "number"))
     if background.large:
-        better = max(found.flipped.values()) >= found.here + _GAIN
-        seems = f"; its values would cover {_reversed(found)}: is it flipped?" if better else ""
-        logger.warning("%s%s", what, seems)
+        logger.warning(background.sentence)
     return background
-
-
-def _reversed(found: Coverage) -> str:
-    """The fewest axes that fit best when they are reversed, with the share that is covered then, in words."""
-    best = max(found.flipped.values())
-    axes = min((axes for axes, share in found.flipped.items() if share >= best - _GAIN), key=len)
-    names = " and ".join(("first", "second", "third")[axis] for axis in axes)
-    return f"{found.flipped[axes]:.0%} with its {names} {'axis' if len(axes) == 1 else 'axes'} reversed"
 
 
 def _logarithms(tensors: NDArray[Any]) -> NDArray[np.float64]:

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 from cortet.config.stages import Generate
 from cortet.errors import InputError
-from cortet.formats.placement import require_precision
 from cortet.geometry.limits import CELL_SIZE_MM, require_within
 from cortet.geometry.orientation import random_rotation
 from cortet.geometry.topology import surface_topology
@@ -83,7 +82,6 @@ def generate(
     if mesher not in MESHERS:
         raise InputError(f"unknown mesher {mesher!r}", remedy=f"use {' or '.join(MESHERS)}")
     require_within(cell_size, CELL_SIZE_MM, "the cell size in mm")
-    require_precision(surface.points, cell_size)
     chosen = MESHERS[mesher]
     _require_meshable(surface, chosen, settings)
     require_sizes(settings.sizes, surface, cell_size)

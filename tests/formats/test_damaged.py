@@ -27,7 +27,7 @@ from cortet.formats import FORMATS
 from cortet.formats.gifti import read_fields, read_surface, write_surface
 from cortet.formats.untrusted import safely_named
 from cortet.solver_files.export import convert, export
-from cortet.solver_files.sidecar import sidecar_path
+from cortet.solver_files.sidecar import read_sidecar, sidecar_path
 
 #: of the files that `damages` makes
 KINDS = [
@@ -91,7 +91,7 @@ REFUSED: list[bytes] = [
     *(FOREIGN[name][:3000] for name in ("binary.ply", "text.ply", "text.stl")),
     *(OBJ, OBJ + b"f -3 -2 -1\n", OBJ + b"f 1 2 4\n", OBJ + b"v 1 1 0\nf 1 2 4 3\n"),
     OBJ.replace(b"1 0 0", b"1 0 x") + b"f 1 2 1\n",
-    *(OFF.replace(b"3 1 0", b"3 2 0"), OFF + b"3 0 2 1\n", OFF[:4]),
+    *(OFF.replace(b"3 1 0", b"3 2 0"), OFF[:4]),
     *(OFF.replace(b"OFF", head) for head in (b"4OFF", b"COFF", b"OFF BINARY")),
     *(OFF.replace(b"3 0 1 2", b"4 0 1 2"), OFF.replace(b"3 0 1 2", b"3 0 1 3"), OFF.replace(b"1 0 0\n", b"1 0 x\n")),
     b"\xff\xff\xff\x00\x00\x00\x01\x00\x00\x00\x00\x00\x00\x00\x01" + bytes(4),
@@ -137,11 +137,14 @@ def test_a_json_file_of_another_kind_is_no_sidecar(tmp_path):
     path, other = tmp_path / "m.vtu", tmp_path / "precious.gii"
     other.touch()
     export(full_mesh(), path, solver="vtu", certificate={"certified": True})
-    record = json.loads(sidecar_path(path).read_text())
-    for strange in ({}, [], record | {"units": 3}, record | {"fields": {"thickness": 3}}, record | {"made_from": {}}):
-        sidecar_path(path).write_text(json.dumps(strange))
-        with pytest.raises(InputError, match=r"m\.vtu\.json"):
-            convert(path, tmp_path / "n.mesh", source_unit="mm")
+    text = sidecar_path(path).read_text()
+    for strange in ("{}", "[]", '{"units": 3}'):
+        sidecar_path(path).write_text(strange)
+        assert read_sidecar(path) == {}
+    sidecar_path(path).write_text(text[:-9])
+    with pytest.raises(InputError, match=r"m\.vtu\.json"):
+        convert(path, tmp_path / "n.mesh", source_unit="mm")
+    record = json.loads(text)
     sidecar_path(path).write_text(json.dumps({**record, "files": {**record["files"], "precious.gii": ""}}))
     export(full_mesh(), path, solver="vtu", certificate={"certified": True})
     assert other.exists()

@@ -111,7 +111,7 @@ def found_by_cortet(mesh: TetMesh, path: Path, name: str) -> None:
             assert enclosed_volume(back.points, back.sets.faces[called]) == pytest.approx(volume)
         if name == "abaqus":
             assert np.array_equal(back.sets.nodes[called], np.unique(faces))
-    for field, values in mesh.point_data.items() if name in ("vtu", "fenics", "gmsh") else ():
+    for field, values in mesh.point_data.items() if name in ("vtu", "fenics") else ():
         assert np.array_equal(back.point_data[field], values)
 
 

@@ -187,27 +187,6 @@ def test_a_folder_is_filled_if_it_is_new_empty_or_cortets_and_edited_files_stay(
         may_write(full / "../new/a")
 
 
-@pytest.mark.parametrize("kind", ["a link", "a second name", "the input", "read only"])
-def test_a_list_that_is_an_input_or_read_only_is_never_written_to(tmp_path, monkeypatch, kind):
-    manifest, mine = tmp_path / MANIFEST, tmp_path / "mine.txt"
-    mine.write_text("mine")
-    make = {"a link": manifest.symlink_to, "a second name": manifest.hardlink_to}.get(kind, mine.rename)
-    make(manifest if kind in ("the input", "read only") else mine)
-    if kind == "read only":
-        monkeypatch.setattr("os.access", lambda path, mode: path != manifest)  # root may write anywhere
-    refused(MANIFEST, [] if kind == "read only" else [manifest], files=[tmp_path / "x.vtu"])
-    assert manifest.read_text() == "mine" and not (tmp_path / "x.vtu").exists()
-
-
-@pytest.mark.parametrize("letter", ["x", "\u00fc"])
-def test_a_name_beside_which_no_temporary_file_fits_is_refused(tmp_path, letter):
-    """A file is written to a temporary name first, which is longer; a letter may have two bytes."""
-    longest = 255 - len(f".{os.getpid()}-12345678.")
-    fits = tmp_path / "new" / (letter * ((longest - 4) // len(letter.encode())) + ".vtu")
-    assert made(fits).exists()
-    refused("shorter", files=[fits.with_name(letter + fits.name)])
-
-
 def test_temporary_files_of_ended_processes_are_deleted_and_nothing_else(tmp_path):
     ended = subprocess.Popen(["true"])
     ended.wait()

@@ -7,11 +7,9 @@ import pytest
 from shapes import ball_surface
 
 from cortet.config import load
-from cortet.errors import InputError
-from cortet.formats.placement import placed, require_precision
+from cortet.formats.placement import placed
 from cortet.meshes import CoordinateFrame, TriSurface
 from cortet.pipeline import run
-from cortet.stages.generate import generate
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("m", 1000.0), ("um", 0.001)])
@@ -35,14 +33,3 @@ def test_the_line_places_what_it_reads_and_records_how():
     assert steps["gate"].result.points == pytest.approx(surface.points, abs=1e-4)
     assert steps["gate"].parameters["to_mm"] == 1000
     assert "to_mm" not in next(run(surface, load({}))).parameters
-
-
-def test_coordinates_that_a_file_holds_coarsely_are_said_or_refused(caplog):
-    """At 1e5 mm numbers of single precision are 1/128 mm apart, at 1e6 mm 1/16."""
-    ball = ball_surface()
-    require_precision(ball.points + 1e4, 0.6)
-    assert not caplog.text
-    require_precision(ball.points + 1e5, 0.6)
-    assert "0.0078 mm" in caplog.text
-    with pytest.raises(InputError, match="0.062 mm.* 10.4%"):
-        generate(TriSurface(ball.points + 1e6, ball.faces), cell_size=0.6)

@@ -271,12 +271,10 @@ def test_a_field_takes_the_name_that_it_is_given_and_has_a_value_for_each_vertex
     assert np.array_equal(with_fields(ball, {"thickness": file}).point_data["thickness"], np.arange(42))
     shape_file(file, ("mean", np.ones(42), "SHAPE"), ("sd", np.ones(42), "SHAPE"))
     assert with_fields(ball, {"growth": file}).point_data.keys() == {"growth_mean", "growth_sd"}
-    shape_file(file, ("growth_to_29", np.ones(42), "SHAPE"))
-    assert "growth_to_29" in with_fields(ball, {"growth_to_29": file}).point_data
     for name, values, word in (
         *(("thickness", np.ones(7), "7 values for 42"), ("thickness", holes, "thickness.* 2 vertices.*vertex 5")),
-        *(("growth_to_31", np.ones(42), "growth_to_31.*growth_to_29"), ("thickness", None, "No such file")),
+        ("thickness", None, "No such file"),
     ):
-        shape_file(file, ("growth_to_29", values, "SHAPE")) if values is not None else file.unlink()
+        shape_file(file, ("anything", values, "SHAPE")) if values is not None else file.unlink()
         with pytest.raises(InputError, match=f"a.shape.gii.*{word}"):
             with_fields(ball, {name: file})

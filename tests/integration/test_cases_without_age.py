@@ -27,9 +27,7 @@ def test_a_case_without_an_age_runs_beside_one_with_an_age(tmp_path):
     assert {case for rule, case in study.planned_jobs() if rule == "fold"} == {"sub-a"}
 
     study.config["fold"] = {}
-    jobs = study.jobs_of_run(
-        STATUS, *(f"derivatives/cortet/cohort/{name}" for name in ("cohort_quality.tsv", "methods.md"))
-    )
+    jobs = study.jobs_of_run(STATUS, "derivatives/cortet/cohort/cohort_quality.tsv")
     assert "1 not smoothed because" in study.said and "sub-b_hemi-L" in study.said
     assert {case for rule, case in jobs if rule in ("smooth_surface", "smooth_surface_inner")} == {"sub-a"}
     assert {row["state"] for row in study.status().values()} == {"certified"}
@@ -37,6 +35,6 @@ def test_a_case_without_an_age_runs_beside_one_with_an_age(tmp_path):
     assert "smooth_surface" not in certificate["parameters"]
     columns, *rows = (study.outputs / "cohort/cohort_quality.tsv").read_text().splitlines()
     assert [row.split("\t")[columns.split("\t").index("scan_age")] for row in rows] == ["24", "n/a"]
-    methods = (study.outputs / "cohort/methods.md").read_text()
+    methods = (study.outputs / "logs/CITATION.md").read_text()
     assert "gestational age at scan 24 weeks, of 1 of them not known" in methods
     assert "Surfaces of known age were smoothed" in methods

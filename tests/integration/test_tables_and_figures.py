@@ -81,10 +81,10 @@ def test_figures_and_tables_are_written_in_every_form_and_shown_in_the_report(co
     for figure in figures:
         assert {path.suffix for path in compared.files(f"{figure}.*")} == {".svg", ".pdf", ".png"}
     for table in ("table-ablation", "table-resolution", "table-measures"):
-        assert {path.suffix for path in compared.files(f"{table}.*")} == {".tsv", ".json", ".tex", ".md"}
+        assert {path.suffix for path in compared.files(f"{table}.*")} == {".tsv", ".json", ".tex"}
     with zipfile.ZipFile(compared.folder / REPORT) as archive:
         names = {Path(name).name for name in archive.namelist()}
-    assert {"report.html", "cohort_quality.html", *(f"{figure}.svg" for figure in figures)} <= names
+    assert {"report.html", *(f"{figure}.svg" for figure in figures)} <= names
 
 
 def test_nothing_of_the_experiments_is_part_of_all(finished):

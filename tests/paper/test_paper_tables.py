@@ -176,10 +176,10 @@ def rows_with_long_remarks(table: Table) -> pd.DataFrame:
 
 @pytest.mark.parametrize("table", [ABLATION, RESOLUTION, MEASURES], ids=lambda table: table.title)
 def test_they_are_written_in_every_form(table, tmp_path):
-    tsv, sidecar, markdown = (tmp_path / f"table.{suffix}" for suffix in ("tsv", "json", "md"))
+    tsv, sidecar, latex = (tmp_path / f"table.{suffix}" for suffix in ("tsv", "json", "tex"))
     rows = rows_with_long_remarks(table)
-    write(table, rows, tsv, sidecar, markdown)
+    write(table, rows, tsv, sidecar, latex)
     header, *lines = tsv.read_text().splitlines()
     assert header.split("\t") == names(table.columns) == list(json.loads(sidecar.read_text()))
     assert len(lines) == len(rows) and LONG in tsv.read_text()
-    assert LONG in markdown.read_text() and re.search(r"\| +0\.6 +\|", markdown.read_text())
+    assert LONG in latex.read_text() and re.search(r"\b0\.6 &", latex.read_text())

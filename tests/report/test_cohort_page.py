@@ -1,4 +1,4 @@
-"""The page of a cohort: failures, then outliers, then the rest; every case leads to its page."""
+"""The page of a cohort: failures, then the worst elements; every case leads to its page."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pytest
 from matplotlib.image import imread, imsave
 
 from cortet.cohort.status import COLUMNS
@@ -19,7 +18,7 @@ from cortet.folding.cohort_folding import panel
 from cortet.formats.atomic import write_json
 from cortet.formats.tables import names
 from cortet.formats.tsv import write_tsv
-from cortet.report.cohort_page import ordered, with_outliers, write_cohort_page
+from cortet.report.cohort_page import ordered, write_cohort_page
 from cortet.report.results import PagePart
 
 MESH = {"cell_size_mm": "0.6", "mesher": "cgal"}
@@ -56,30 +55,9 @@ def written(folder: Path, rows: list[dict[str, Any]], quality: list[dict[str, An
     return (folder / "index.html").read_text(encoding="utf-8")
 
 
-def outliers(rows: list[dict[str, str]], limit: float | None = 0.6) -> list[str]:
-    table = with_outliers(pd.DataFrame(rows).fillna("n/a"), limit)
-    return list(table.loc[table["outlying"] != "", "case"])
-
-
-def test_an_outlier_is_more_than_halfway_from_the_others_to_the_limit():
-    rows = measured(**dict.fromkeys("abc", 0.3), d=0.44, e=0.46, f=0.25)
-    share = with_outliers(pd.DataFrame(rows), 0.6)["outlier"]
-    assert pd.to_numeric(share).tolist() == pytest.approx([0, 0, 0, 0.14 / 0.3, 0.16 / 0.3, 0])
-    assert outliers(rows) == ["e"]
-
-
-def test_what_is_no_outlier():
-    assert outliers(measured(**dict.fromkeys("abcdefgh", 0.3), i=0.324, j=0.33)) == [], "they differ by chance"
-    assert outliers(measured(a=0.3, b=0.3, c=0.5), None) == [], "there is no limit"
-    assert outliers(measured(a=0.7, b=0.7, c=0.3)) == [], "most are beyond it"
-    coarse = {**measured(g=0.59)[0], "cell_size_mm": "1"}
-    assert outliers([*WORST, coarse]) == ["e"], "other cells are not compared"
-
-
-def test_failures_come_first_then_the_farthest_outlier():
+def test_failures_come_first_then_the_worst_elements():
     rows = [*WORST, other("x", "excluded"), other("y", "failed"), other("z", "uncertified")]
-    names = list(ordered(with_outliers(pd.DataFrame(rows).fillna("n/a"), 0.6))["case"])
-    assert names[:3] == ["y", "z", "e"] and names[-1] == "x"
+    assert "".join(ordered(pd.DataFrame(rows).fillna("n/a"))["case"]) == "yzebfadcx"
 
 
 def test_every_case_leads_to_its_page_whatever_the_order_of_the_tables(tmp_path):

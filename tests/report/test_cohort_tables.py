@@ -21,11 +21,8 @@ from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import certify
 from cortet.report.cohort_tables import (
     QUALITY_COLUMNS,
-    SUMMARY,
     quality_table,
-    summary_table,
     write_quality,
-    write_summary,
 )
 from cortet.report.records import read_certificate
 from cortet.stages.repair import repair
@@ -95,37 +92,13 @@ def test_every_value_is_found_in_a_certificate_and_every_certificate_in_the_shee
 
 
 def test_sidecars_explain_every_column_and_give_units_and_thresholds(records, tmp_path):
-    explained = {}
-    for name, write in (("quality", write_quality), ("summary", write_summary)):
-        table, beside = tmp_path / f"{name}.tsv", tmp_path / f"{name}.json"
-        write(records[:1], CASES, [table, beside])
-        explained |= json.loads(beside.read_text())
-        assert list(json.loads(beside.read_text())) == list(read_tsv(table))
-    assert all(entry["Description"] for entry in explained.values())
-    row = read_tsv(tmp_path / "quality.tsv").iloc[0]
+    table, beside = tmp_path / "quality.tsv", tmp_path / "quality.json"
+    write_quality(records[:1], CASES, [table, beside])
+    explained = json.loads(beside.read_text())
+    assert list(explained) == list(read_tsv(table)) and all(entry["Description"] for entry in explained.values())
+    row = read_tsv(table).iloc[0]
     assert float(row["q_max"]) == pytest.approx(records[0]["quality"]["q"]["max"], rel=1e-5)
     assert row["reasons"] == "n/a"
-    explained = json.loads((tmp_path / "quality.json").read_text())
     assert explained["q_max"]["Threshold"] == "< 0.6" and explained["scan_age"]["Units"] == "weeks"
     assert explained["nodes_to_surface_max_mm"]["Threshold"] == "<= 0.001"
     assert explained["bank_gap"]["Threshold"] == ">= 0.03"
-
-
-def test_the_summary_has_the_format_of_the_published_table_by_cell_size():
-    meshes = [
-        (0.6, "pass", 0.1285, 0.462, 0),
-        (0.6, "pass", 0.129, 0.508, 0),
-        (0.6, "fail", 0.1295, 0.661, 4),
-        (0.8, "pass", 0.128, 0.462, 1),
-        (0.8, "pass", 0.131, 0.462, 1),
-        (1.0, "pass", 0.13, 0.462, 12095),
-    ]
-    columns = ["cell_size_mm", "verdict", "q_mean", "q_max", "q_above_0.6"]
-    table = summary_table(pd.DataFrame(meshes, columns=columns).assign(mesher="cgal"))
-    assert list(table) == names(SUMMARY.columns)
-    three, two, one = table.to_dict("records")
-    assert (three["q_mean"], three["q_max"]) == ("0.129 ± 0.001", "0.508 [0.462-0.661]")
-    assert (three["q_above_0.6"], three["q_above_0.6_total"]) == ("0 [0-4]", 4)
-    assert (three["meshes"], three["certified"]) == (3, 2)
-    assert two["q_mean"] == "0.130 [0.128-0.131]"
-    assert (one["q_mean"], one["q_max"], one["q_above_0.6"]) == ("0.130", "0.462", "12,095")

@@ -21,7 +21,7 @@ from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import certify
 from cortet.meshes import TriSurface
 from cortet.pipeline import mesh_surface
-from cortet.report.methods import cited, methods_text, write_citation, write_methods
+from cortet.report.methods import cited, methods_text, write_citation
 from cortet.stages import record_of
 
 CASES = [
@@ -96,11 +96,9 @@ def test_what_was_used_is_cited_and_nothing_that_is_only_installed():
 
 
 def test_every_reference_of_the_files_is_an_entry(records, tmp_path):
-    paragraph, (cites, entries, methods) = "Of 2 meshes, √2.", (tmp_path / name for name in ("c.md", "c.bib", "m.md"))
+    paragraph, (cites, entries) = "Of 2 meshes, √2.", (tmp_path / name for name in ("c.md", "c.bib"))
     write_citation(paragraph, records, str(cites), str(entries))
-    write_methods(paragraph, records, methods)
     keys = re.findall(r"^@\w+\{(\w+),$", entries.read_text(), flags=re.MULTILINE)
     assert keys == cited(records) == re.findall(r"@(\w+)", cites.read_text())
     assert entries.read_text().count("{") == entries.read_text().count("}")
-    assert cites.read_text().startswith(paragraph) and methods.read_text().startswith(paragraph)
-    assert len(re.findall(r"^\d+\. ", methods.read_text(), flags=re.MULTILINE)) == len(keys)
+    assert cites.read_text().startswith(paragraph)

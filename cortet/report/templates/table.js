@@ -54,15 +54,14 @@
   columns.hidden = chosen.every(Boolean);
 
   const form = document.getElementById("filter");
-  const [words, state, outlying, count] = ["words", "state", "outlying", "count"].map((id) => document.getElementById(id));
+  const [words, state, count] = ["words", "state", "count"].map((id) => document.getElementById(id));
   const texts = new Map(rows.map((row) => [row, row.textContent.toLowerCase()]));
   function filter() {
     const wanted = words.value.toLowerCase().split(/\s+/);
     let shown = 0;
     for (const row of rows) {
       const fits = wanted.every((word) => texts.get(row).includes(word))
-        && (!state.value || row.dataset.state === state.value)
-        && (!outlying.checked || "outlying" in row.dataset);
+        && (!state.value || row.dataset.state === state.value);
       row.hidden = !fits;
       shown += fits;
     }
