@@ -11,9 +11,11 @@ compiled. Numba's own index holds the processor and the versions of Python and N
 from __future__ import annotations
 
 import ast
+import contextlib
 import hashlib
 import logging
 import os
+import stat
 import tempfile
 from collections.abc import Callable
 from functools import cache
@@ -53,19 +55,31 @@ class KernelCacheLocator(caching._SourceFileBackedLocatorMixin, caching._CacheLo
 
 
 def cache_folder() -> Path:
-    """Folder of all compiled kernels of this user; a temporary one, with a warning, if the home cannot hold it."""
+    """Folder of all compiled kernels of this user; a temporary one, which is said, if there is no place for it."""
     try:
         home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
         folder = Path(home) / "cortet" / "kernels"
         folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK | os.X_OK):
-            return folder
+        writable = os.access(folder, os.W_OK | os.X_OK)
     except (OSError, RuntimeError):  # RuntimeError: there is no home
-        pass
-    temporary = tempfile.mkdtemp(prefix="cortet-")
+        writable = False
+    if writable:
+        return folder
+    temporary = _own_temporary_folder()
     logger.warning("the home folder has no writable cache folder; cortet uses %s (or set XDG_CACHE_HOME)", temporary)
-    os.environ["XDG_CACHE_HOME"] = temporary  # for Snakemake and its jobs, too
+    os.environ["XDG_CACHE_HOME"] = str(temporary)  # for Snakemake and its jobs, too
     return cache_folder()
+
+
+def _own_temporary_folder() -> Path:
+    """A folder that only this user can write to, the same in every process: compiled code is loaded from there."""
+    folder = Path(tempfile.gettempdir()) / f"cortet-{os.getuid()}"
+    with contextlib.suppress(OSError):
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+        if stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o077:
+            return folder
+    return Path(tempfile.mkdtemp(prefix="cortet-"))
 
 
 @cache
