@@ -82,7 +82,7 @@ def test_a_bad_key_is_named_with_its_remedy(data, words):
 
 
 def test_settings_are_those_of_the_paper_or_of_cortet_and_single_keys_override_them():
-    default, cgal = config.load({"clean": None}), config.load({"setting": "cgal", "generate": {"cell_size": 1.0}})
+    default, cgal = config.load({}), config.load({"setting": "cgal", "generate": {"cell_size": 1.0}})
     published = config.load({"setting": "published", "clean": {"boundary": "fixed"}})
     assert default == config.Config() and default.generate.meshers == ["lattice"]
     assert cgal.generate.meshers == ["cgal"] and cgal.generate.cell_size == [1.0]
@@ -90,6 +90,11 @@ def test_settings_are_those_of_the_paper_or_of_cortet_and_single_keys_override_t
         assert (setting.enabled("relocate"), setting.enabled("reconnect")) == stages and setting.enabled("clean")
     assert published.generate.facet_distance == [0.5] and published.relocate.boundary == "free"
     assert published.clean.boundary == "fixed"
+
+
+def test_null_is_a_value_and_an_empty_section_is_as_if_it_were_left_out():
+    assert config.load({"time_limit": None}).time_limit is None, "no limit"
+    assert config.load({"clean": None}) == config.Config()
 
 
 @pytest.mark.parametrize("text", ["- a list", "a: [", ""])
