@@ -8,8 +8,9 @@ job = start(snakemake)
 
 from cortet.formats import gifti, vtu
 from cortet.formats.tables import write_table
+from cortet.formats.volumes import TISSUE_COLUMNS
 from cortet.report.slices import slices
-from cortet.solver_files.volumes import TISSUE_COLUMNS, backgrounds, read_volumes, with_volumes
+from cortet.solver_files.volumes import backgrounds, read_volumes, with_volumes
 
 volumes = read_volumes(job.params.volumes)
 job.require_unchanged_input()

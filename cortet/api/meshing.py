@@ -32,7 +32,7 @@ from cortet.formats.placement import placed
 from cortet.formats.set_arrays import with_sets
 from cortet.formats.tables import names, write_table
 from cortet.formats.tags import regions
-from cortet.formats.volumes import Volume
+from cortet.formats.volumes import TISSUE_COLUMNS, Volume
 from cortet.geometry.interpolation import applied
 from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested, sheets
@@ -48,13 +48,7 @@ from cortet.solver_files.laminar import Laminar
 from cortet.solver_files.meshed import Origin, require_own_stem, write_meshed
 from cortet.solver_files.sidecar import CHANGED, changed_since, sidecar_path
 from cortet.solver_files.surface_map import SurfaceMap, surface_map
-from cortet.solver_files.volumes import (
-    TISSUE_COLUMNS,
-    backgrounds,
-    label_names,
-    read_volumes,
-    with_volumes,
-)
+from cortet.solver_files.volumes import backgrounds, label_names, read_volumes, with_volumes
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -78,7 +72,7 @@ class Mesh:
     config: Config = field(default_factory=Config)
     #: files that it was made from; they are never overwritten
     inputs: tuple[Path, ...] = ()
-    #: a row for each label of each volume, as `solver_files.volumes.TISSUE_COLUMNS`
+    #: a row for each label of each volume, as `formats.volumes.TISSUE_COLUMNS`
     tissue_rows: tuple[Mapping[str, Any], ...] = ()
     #: its volumes, as they were read
     volumes: Mapping[str, Volume] = field(default_factory=dict)

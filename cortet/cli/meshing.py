@@ -130,11 +130,11 @@ def mesh(
     from cortet.api.meshing import write_files
     from cortet.config import load
     from cortet.formats.tables import printed
+    from cortet.formats.volumes import TISSUE_COLUMNS
     from cortet.meshes import by_region
     from cortet.pipeline import companions
     from cortet.solver_files.meshed import require_own_stem
     from cortet.solver_files.sidecar import sidecar_path
-    from cortet.solver_files.volumes import TISSUE_COLUMNS
 
     if views.slices and not volume:
         raise UsageError("--slices needs a volume", remedy="give one: --volume NAME=FILE")

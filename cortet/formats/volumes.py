@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
+from cortet.formats.tables import Column
 from cortet.formats.tsv import read_tsv
 from cortet.formats.untrusted import by_library, check_file
 from cortet.meshes import CoordinateFrame, FloatArray
@@ -47,6 +48,25 @@ _SINGULAR = 1e-6
 _TENSOR = 6
 _ORDERS = {"tensors": [0, 3, 5, 1, 4, 2], "mrtrix": [0, 1, 2, 3, 5, 4], "symmetric": [0, 2, 5, 1, 4, 3]}
 _SPELLING = re.compile(r"(?P<file>.+\.(?:nii|nii\.gz|mgz|mgh))(?::(?P<kind>[^:/]*))?")
+
+#: columns of the table beside a mesh with volumes
+TISSUE_COLUMNS = (
+    Column("volume", "Name of the volume", heading="volume"),
+    Column("kind", "What its voxels hold: labels, numbers or tensors"),
+    Column("label", "Label; n/a for numbers and tensors, whose row is about all tetrahedra", heading="label"),
+    Column("name", "Name of the label in the lookup table of the volume", heading="name"),
+    Column("tetrahedra", "Number of tetrahedra with this label", heading="tetrahedra", form=",.0f"),
+    Column("volume_ml", "Their volume", units="mL", heading="volume, mL", form=".3f"),
+    Column("q_max", "Largest q among them", heading="worst q", form=".3f"),
+    Column("share", "Mean share of the label inside them, weighted by volume", heading="share inside", form=".3f"),
+    Column("without_value", "Tetrahedra where the volume has no value; they get the value of the nearest voxel"),
+    Column(
+        "background",
+        "Fraction of the brain where the volume is 0 or has no value",
+        heading="background",
+        form=".1%",
+    ),
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError, place_mm
 from cortet.geometry.counting import wrong_faces
+from cortet.geometry.flaws import OVERLAPPING, VOIDS, WORDS
 from cortet.geometry.mending import defective_vertices
 from cortet.geometry.remembering import once_per_object
 from cortet.geometry.topology import (
@@ -38,19 +39,6 @@ PLACES = 10
 _TWICE = 1.5
 
 _FOLDED, _OVERFULL = 1, 2
-_VOIDS, _OVERLAPPING = "voids", "overlapping_bodies"
-#: identifier of a flaw -> what is counted, worded to follow the count: "3 tetrahedra listed twice"
-WORDS = {
-    "tetrahedra_with_doubled_nodes": "tetrahedra with a repeated node",
-    "repeated_tetrahedra": "tetrahedra listed twice",
-    "overfull_faces": "faces in more than two tetrahedra",
-    "folded_faces": "folded faces, with both tetrahedra on one side",
-    _VOIDS: "voids inside the mesh",
-    _OVERLAPPING: "overlapping bodies",
-    "coincident_nodes": "coincident nodes",
-    "nonmanifold_edges": "boundary edges in more than two faces",
-    "pinched_vertices": "pinched boundary vertices",
-}
 
 
 @dataclass(frozen=True)
@@ -154,7 +142,7 @@ def _inside_others(mesh: TetMesh) -> tuple[Flaw, ...]:
     surface, _ = boundary_surface(mesh)
     number, part = np.unique(component_labels(surface.faces)[surface.faces[:, 0]], return_inverse=True)
     if len(number) < 2 or not np.isfinite(mesh.points).all():
-        return Flaw(_VOIDS, 0, np.zeros((0, 3))), Flaw(_OVERLAPPING, 0, np.zeros((0, 3)))
+        return Flaw(VOIDS, 0, np.zeros((0, 3))), Flaw(OVERLAPPING, 0, np.zeros((0, 3)))
     a, b, c = (surface.points - surface.points.mean(axis=0))[surface.faces].transpose(1, 0, 2)
     volumes = np.bincount(part, np.einsum("ij,ij->i", a, np.cross(b, c)))
     walls = np.flatnonzero(~(volumes > _NO_VOLUME * np.abs(volumes.sum())))
@@ -163,7 +151,7 @@ def _inside_others(mesh: TetMesh) -> tuple[Flaw, ...]:
     centres = surface.points[surface.faces].mean(axis=1)
     return tuple(
         Flaw(which, len(found), np.array([centres[part == one].mean(axis=0) for one in found[:PLACES]]).reshape(-1, 3))
-        for which, found in ((_VOIDS, walls), (_OVERLAPPING, overlapping))
+        for which, found in ((VOIDS, walls), (OVERLAPPING, overlapping))
     )
 
 

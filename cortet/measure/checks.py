@@ -5,13 +5,15 @@ from __future__ import annotations
 import operator
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
-from cortet.config.sections import Certify
-from cortet.geometry.filling import WORDS
-from cortet.geometry.topology import SurfaceTopology
-from cortet.measure.fidelity import Fidelity, Native
-from cortet.measure.regions import InterfaceRecord
+from cortet.geometry.flaws import WORDS
+
+if TYPE_CHECKING:  # what measures loads compiled kernels, and pages need the words of this module alone
+    from cortet.config.sections import Certify
+    from cortet.geometry.topology import SurfaceTopology
+    from cortet.measure.fidelity import Fidelity, Native
+    from cortet.measure.regions import InterfaceRecord
 
 Comparison = Literal["<", "<=", "==", ">="]
 _COMPARE: dict[Comparison, tuple[Callable[[float, float], bool], str]] = {

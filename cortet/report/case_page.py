@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cortet.formats.tables import Column, headed
+from cortet.formats.volumes import TISSUE_COLUMNS
 from cortet.geometry.mending import measurable
 from cortet.geometry.topology import surface_topology
 from cortet.meshes import TetMesh, TriSurface, region_names
@@ -18,7 +19,6 @@ from cortet.report.boundary_view import boundary_view
 from cortet.report.figures import mesh_quality_figures, svg
 from cortet.report.numbers import ELEMENTS, Certificate, limit_of, of_check
 from cortet.report.pages import Panel, Part
-from cortet.solver_files.volumes import TISSUE_COLUMNS
 from cortet.stages import STAGES
 
 #: job of the workflow -> what it does, in words
@@ -60,7 +60,7 @@ class Checked(NamedTuple):
     certificate: Certificate
     #: name and title of files in the folder of the page
     files: Sequence[tuple[str, str]] = ()
-    #: rows of `solver_files.volumes.TISSUE_COLUMNS`
+    #: rows of `formats.volumes.TISSUE_COLUMNS`
     tissues: Sequence[Mapping[str, Any]] = ()
     #: PNG file of the volume with the mesh in it
     slices: Path | None = None

@@ -16,7 +16,6 @@ from cortet.formats.tsv import MISSING, cell, read_tsv
 from cortet.report import pages
 from cortet.report.cohort_tables import CASE_COLUMNS, QUALITY_COLUMNS
 from cortet.report.pages import SIDES, Panel, Part
-from cortet.report.pictures import captioned, png
 from cortet.report.results import PagePart
 
 Row = Mapping[str, str]
@@ -87,6 +86,8 @@ def write_cohort_page(
         shown = {"svg": pages.embedded(figure, "cohort"), "alt": f"{_SHOWS} {over}; the table has the numbers"}
         panels.append(Panel("age", "Against age" if aged else "By case", [("figure", shown)]))
     if maps:
+        from cortet.report.pictures import captioned, png  # loads VTK
+
         drawn = [
             captioned(png(file), f"Means over the {SIDES[hemi]} hemispheres, at the vertices that they share")
             for hemi, file in maps.items()

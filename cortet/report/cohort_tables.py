@@ -12,12 +12,12 @@ import pandas as pd
 from cortet.cohort.sheet import Case
 from cortet.formats.tables import Column, names, read_columns, values
 from cortet.formats.tsv import read_tsv
+from cortet.formats.volumes import TISSUE_COLUMNS
 from cortet.measure.counts import COUNTED_LIMITS
 from cortet.report import DATA
 from cortet.report.numbers import Certificate
 from cortet.report.records import read_record
 from cortet.report.table_files import Table, write
-from cortet.solver_files.volumes import TISSUE_COLUMNS
 
 VERSION: int = 8
 

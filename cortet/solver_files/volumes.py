@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from cortet.errors import InputError, place_mm
 from cortet.formats.hashing import sha256
-from cortet.formats.tables import Column
 from cortet.formats.volumes import Volume, label_table, matrices, read_named, six, to_scanner, volume_file, volume_of
 from cortet.geometry.coverage import coverage
 from cortet.geometry.limits import NAME
@@ -44,26 +43,6 @@ _BARE = 0.05
 _OUTSIDE = 0.1
 #: eigenvalues of a tensor below this share of its largest one are raised to it, since a logarithm needs them
 _LEAST_EIGENVALUE = 1e-6
-
-
-#: columns of the table beside a mesh with volumes
-TISSUE_COLUMNS = (
-    Column("volume", "Name of the volume", heading="volume"),
-    Column("kind", "What its voxels hold: labels, numbers or tensors"),
-    Column("label", "Label; n/a for numbers and tensors, whose row is about all tetrahedra", heading="label"),
-    Column("name", "Name of the label in the lookup table of the volume", heading="name"),
-    Column("tetrahedra", "Number of tetrahedra with this label", heading="tetrahedra", form=",.0f"),
-    Column("volume_ml", "Their volume", units="mL", heading="volume, mL", form=".3f"),
-    Column("q_max", "Largest q among them", heading="worst q", form=".3f"),
-    Column("share", "Mean share of the label inside them, weighted by volume", heading="share inside", form=".3f"),
-    Column("without_value", "Tetrahedra where the volume has no value; they get the value of the nearest voxel"),
-    Column(
-        "background",
-        "Fraction of the brain where the volume is 0 or has no value",
-        heading="background",
-        form=".1%",
-    ),
-)
 
 
 class Background(NamedTuple):
@@ -132,7 +111,7 @@ def with_volumes(
     frame: CoordinateFrame | None = None,
     background: Sequence[Background] = (),
 ) -> tuple[TetMesh, list[dict[str, Any]]]:
-    """The mesh with a cell field for each volume; and the rows of `TISSUE_COLUMNS`.
+    """The mesh with a cell field for each volume; and the rows of `formats.volumes.TISSUE_COLUMNS`.
 
     Each tetrahedron gets the label, a whole number, with the largest share in it. If less than a tenth of the mesh has
     no label, 0 is the outside, and a tetrahedron gets it only if it has no other. Numbers are means. Tensors are
