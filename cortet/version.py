@@ -12,8 +12,7 @@ __version__: str = "0.2.0"
 @cache
 def version_of(module: str) -> int:
     """`VERSION` of a module of cortet (`stages.clean`), read from its source: importing it would load Numba or Gmsh."""
-    path = Path(__file__).parent.joinpath(*module.split("."))
-    path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    path = Path(__file__).parent.joinpath(*module.split(".")).with_suffix(".py")
     if found := re.search(r"^VERSION: int = (\d+)$", path.read_text(encoding="utf-8"), re.MULTILINE):
         return int(found[1])
     raise LookupError(f"{path} declares no VERSION")

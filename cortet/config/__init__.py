@@ -1,12 +1,23 @@
 """The typed configuration: every key with its unit, its default and what it does.
 
 `load` reads a YAML file (or the dict that Snakemake passes). `render` writes it with every key explained, for
-`cortet config`. Every job loads all of it, so no module here imports NumPy's heavier relatives.
+`cortet config`. A job of the workflow needs the section of its stage alone, so the rest loads when it is asked for.
 """
 
-from cortet.config.files import keys_not_given, load, read, render
-from cortet.config.model import Config
-from cortet.config.sections import Scan
-from cortet.config.settings import SETTINGS
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cortet.config.files import keys_not_given, load, read, render
+    from cortet.config.model import Config
+    from cortet.config.sections import Scan
+    from cortet.config.settings import SETTINGS
 
 __all__ = ["SETTINGS", "Config", "Scan", "keys_not_given", "load", "read", "render"]
+_MODULES = {"SETTINGS": "settings", "Config": "model", "Scan": "sections"}
+
+
+def __getattr__(name: str) -> Any:
+    if name in __all__:
+        return getattr(import_module(f"{__name__}.{_MODULES.get(name, 'files')}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

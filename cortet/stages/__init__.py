@@ -10,15 +10,18 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from cortet.config import Config
+from cortet.config import stages as sections
 from cortet.config.section import Section
 from cortet.errors import InputError
 from cortet.meshers import MESHERS
 from cortet.meshers.cgal import installed_backend
 from cortet.meshes import TetMesh, TriSurface
 from cortet.version import version_of
+
+if TYPE_CHECKING:
+    from cortet.config import Config
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +37,9 @@ class Stage:
     #: what its function takes before its settings
     takes: tuple[Literal["surface", "sphere", "mesh"], ...]
     gives: Literal["surface", "mesh"]
-    #: section of the configuration, if that has not its own name; the stage then runs even if the section is off
+    #: its parameters, the class of a section of the configuration
+    settings: type[Section]
+    #: name of that section, if it is not its own; the stage then runs even if the section is off
     section: str = ""
     #: keyword arguments of its function that differ from mesh to mesh and are in no section
     facts: tuple[str, ...] = ()
@@ -57,7 +62,7 @@ class Stage:
     def run(self, *given: TriSurface | TetMesh, **arguments: Any) -> tuple[Any, Any]:
         """Call its function with plain arguments, as `arguments_of` gives them."""
         function = getattr(import_module(f"cortet.stages.{self.name}"), self.name)
-        settings, facts = type(self.section_of(Config())).split(arguments)
+        settings, facts = self.settings.split(arguments)
         result: tuple[Any, Any] = function(*given, settings, **facts)
         return result
 
@@ -70,6 +75,7 @@ LINE = (
         label="resampled",
         takes=("surface", "sphere"),
         gives="surface",
+        settings=sections.Resample,
         facts=("sphere_file",),
         alone=True,
         takes_inside=True,
@@ -80,6 +86,7 @@ LINE = (
         label="repaired",
         takes=("surface",),
         gives="surface",
+        settings=sections.Repair,
         facts=("source",),
         alone=True,
     ),
@@ -89,6 +96,7 @@ LINE = (
         label="gated",
         takes=("surface",),
         gives="surface",
+        settings=sections.Gate,
         facts=("source",),
         alone=True,
         takes_inside=True,
@@ -99,6 +107,7 @@ LINE = (
         label="smoothed",
         takes=("surface",),
         gives="surface",
+        settings=sections.SmoothSurface,
         facts=("gestational_age",),
         alone=True,
     ),
@@ -108,6 +117,7 @@ LINE = (
         label="separated",
         takes=("surface",),
         gives="surface",
+        settings=sections.Regions,
         section="regions",
         facts=("cell_size",),
         nested=True,
@@ -118,6 +128,7 @@ LINE = (
         label="Generated",
         takes=("surface",),
         gives="mesh",
+        settings=sections.Generate,
         number="S1",
         facts=("cell_size", "mesher"),
         shared_by_settings=True,
@@ -128,6 +139,7 @@ LINE = (
         label="Transferred",
         takes=("mesh", "surface"),
         gives="mesh",
+        settings=sections.Transfer,
         number="S2",
         shared_by_settings=True,
     ),
@@ -137,6 +149,7 @@ LINE = (
         label="Relocated",
         takes=("mesh",),
         gives="mesh",
+        settings=sections.Relocate,
         number="S3",
     ),
     Stage(
@@ -145,6 +158,7 @@ LINE = (
         label="Cleaned",
         takes=("mesh", "surface"),
         gives="mesh",
+        settings=sections.Clean,
         number="S4",
         facts=("cell_size",),
     ),
@@ -154,6 +168,7 @@ LINE = (
         label="Reconnected",
         takes=("mesh", "surface"),
         gives="mesh",
+        settings=sections.Reconnect,
         number="S4+",
         facts=("cell_size",),
     ),
@@ -163,6 +178,7 @@ LINE = (
         label="BoundarySmoothed",
         takes=("mesh", "surface"),
         gives="mesh",
+        settings=sections.SmoothBoundary,
     ),
     Stage(
         name="snap",
@@ -170,6 +186,7 @@ LINE = (
         label="Snapped",
         takes=("mesh", "surface"),
         gives="mesh",
+        settings=sections.Snap,
         number="S6",
     ),
     Stage(
@@ -178,6 +195,7 @@ LINE = (
         label="Solver",
         takes=("mesh", "surface"),
         gives="mesh",
+        settings=sections.Transfer,
         number="S5",
         section="transfer",  # it carries the fields onto the final positions, as S2 onto the first ones
     ),
