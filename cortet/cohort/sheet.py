@@ -32,7 +32,7 @@ COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "inclu
 #: the white surface within it, and in column `sphere` for its sphere
 PHANTOM = "phantom"
 FIELD_PREFIX = "field_"
-#: columns of volumes: `volume_NAME` names a file, or FILE:KIND
+#: columns `volume_NAME` name the file of a volume, FILE or FILE:KIND
 VOLUME_PREFIX = "volume_"
 #: columns of inner surfaces: `inner` names that of the region `white`, `inner_NAME` that of the region NAME
 INNER, INNER_PREFIX, WHITE = "inner", "inner_", "white"
