@@ -261,7 +261,7 @@ def test_the_cortex_of_a_real_brain_is_as_thick_as_in_the_reference():
 @pytest.mark.parametrize(
     ("settings", "fields", "word"),
     [
-        ({"gestational_age": 40.0, "end": 30.0}, {}, "40 to 30 weeks"),
+        ({"gestational_age": 40.0, "end": 30.0}, {}, "end at 30 weeks"),
         ({"regions": {1: (1.0, 1.0, 1.0)}}, {}, "label"),
         ({"regions": {9: (1.0, 1.0, 1.0)}}, {"label": 1}, "9"),
         ({"core_regions": {2: -0.01}}, {}, "region"),
