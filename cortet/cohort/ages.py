@@ -138,7 +138,7 @@ def _counted(sessions: Sequence[Session]) -> str:
 def _read(name: str, path: Path, columns: Sequence[str]) -> _Table:
     table, _ = read_uneven_tsv(path)
     if len(table.columns) == 1 and (other := re.search(r"[;,]|\s+", table.columns[0])):
-        what = f"line 1: {table.columns[0]!r} is one column: {other[0]!r} separates its values, not a tab"
+        what = f"line 1: {other[0]!r} instead of a tab separates the column names in {table.columns[0]!r}"
         raise InputError(what, file=path, remedy="separate values by tabs")
     column = next((one for one in columns if one in table.columns), None)
     return _Table(name, table, column, _unit(column, name, path) if column else "")

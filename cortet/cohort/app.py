@@ -94,8 +94,8 @@ class Selection:
                 )
         found = [case for case in cases if all(not of or getattr(case, what) in of for what, of in asked.items())]
         if not found:
-            remedy = "select by fewer of --participant-label, --session-label and --hemi"
-            raise InputError("no surface is selected", file=dataset, remedy=remedy)
+            remedy = "use fewer of --participant-label, --session-label and --hemi"
+            raise InputError("no surface matches all the options", file=dataset, remedy=remedy)
         return found
 
 
@@ -203,7 +203,8 @@ def _claim(work: Path, output: Path, files: Sequence[Path]) -> None:
         there = [file for file in files if os.path.lexists(file)]
         if there and not (work == work_folder(output) and is_own_output(output)):
             remedy = "name an empty or a new folder with --work-dir, or move the file"
-            raise InputError("was not written by `cortet run`", file=there[0], remedy=remedy)
+            what = "would be overwritten, but was not written by `cortet run`"
+            raise InputError(what, file=there[0], remedy=remedy)
         work.mkdir(parents=True, exist_ok=True)
         mark(work)
 

@@ -40,7 +40,8 @@ def hold(folder: Path) -> IO[str]:
         file.flush()
     except OSError as error:
         what = f"cannot be written to: {error.strerror}"
-        raise InputError(what, file=folder, remedy="correct its permissions, free some space, or set output") from error
+        remedy = "correct its permissions, free some space, or choose another output folder"
+        raise InputError(what, file=folder, remedy=remedy) from error
     return file
 
 
@@ -83,5 +84,7 @@ def _lock(file: IO[str], folder: Path, kind: int) -> None:
         owner = file.read() or "another process"
         file.close()
         raise InputError(
-            f"another run is writing to this folder: {owner}", file=folder, remedy="wait for it to end, or set output"
+            f"another run is writing to this folder: {owner}",
+            file=folder,
+            remedy="wait for that run to end, or choose another output folder",
         ) from None

@@ -129,7 +129,7 @@ def _none_found(directory: Path, patterns: Scan, pials: Sequence[Path]) -> Input
     """The error for a folder without white surfaces, with what is there instead."""
     what = "no surfaces found"
     first, *others = patterns.surfaces or ["nothing"]
-    more = f", and {len(others)} patterns more" if others else ""
+    more = f", and {len(others)} more patterns" if others else ""
     remedy = f"check the folder, or set cohort.scan.surfaces; cortet looked for {first}{more}"
     if pials:
         what = f"no white surfaces found, only {len(pials)} pial surfaces, for example {pials[0]}"
@@ -143,9 +143,12 @@ def _say_which(cases: Sequence[Case], say: Callable[[str], object], *, pial: boo
     beside = [case for case in white if is_there(_pial_of(Path(case.surface)))]
     both = len(cases) - len(white) if pial else 0
     if both:
-        say(f"pial surfaces with the white surface inside: {both}; the cortex is a region of its own")
+        say(f"for {both} of {len(cases)} cases, cortet uses pial and white surfaces; their meshes have a region cortex")
     if white:
-        words = f"white surfaces alone: {len(white)}; their meshes hold white matter without the cortex"
+        words = (
+            f"for {len(white)} of {len(cases)} cases, cortet uses only the white surface; "
+            "their meshes contain white matter without the cortex"
+        )
         if beside:
             words += f"; {len(beside)} of them have a pial surface (--pial uses both)"
         elif pial:
@@ -202,13 +205,13 @@ def _volumes_of(
 
 def _filled(pattern: str, values: Mapping[str, Any]) -> str:
     """A pattern with its placeholders `{name}` filled in; nothing else in it has a meaning."""
-    remedy = f"placeholders here are {', '.join(f'{{{name}}}' for name in values)}"
+    remedy = f"use {', '.join(f'{{{name}}}' for name in values)}"
     for name in re.findall(r"\{([^{}]*)\}", pattern):
         if name not in values:
-            raise InputError(f"{pattern!r} cannot be filled in: no {name!r}", remedy=remedy)
+            raise InputError(f"{pattern!r} contains the unknown placeholder {name!r}", remedy=remedy)
     filled = re.sub(r"\{([^{}]*)\}", lambda match: str(values[match[1]]), pattern)
     if not is_file_name(filled):
-        raise InputError(f"{pattern!r} cannot be filled in: {filled!r} is not a file name", remedy=remedy)
+        raise InputError(f"{pattern!r} becomes {filled!r}, which cannot be a file name", remedy=remedy)
     return filled
 
 
@@ -230,7 +233,7 @@ def _matches(directory: Path, pattern: str) -> Iterator[tuple[Path, dict[str, st
     """Files below `directory` that fit a pattern, with the values of its placeholders."""
     if "{participant}" not in pattern or not pattern.strip() or Path(pattern).is_absolute() or "\0" in pattern:
         raise InputError(
-            f"cohort.scan.surfaces: {pattern!r} matches nothing",
+            f"cohort.scan.surfaces: {pattern!r} is not a valid pattern",
             remedy="give a pattern relative to the folder, with the placeholder {participant}",
         )
     parts = re.split(r"\{(participant|session|hemi|entities)\}", pattern)

@@ -66,11 +66,11 @@ def ageless_notice(cases: Sequence[Case], *, smoothed: bool, folded: bool) -> li
     ----------
     smoothed, folded : whether cases of known age are smoothed by it, and folded
     """
-    lacks = " or ".join(word for word, is_so in (("smoothed", smoothed), ("folded", folded)) if is_so)
+    lacks = " or ".join(word for word, is_so in (("smooth", smoothed), ("fold", folded)) if is_so)
     names = [case.name for case in cases if case.scan_age is None]
     shown = ", ".join([*names[:_MOST_NAMES], *(["..."] if len(names) > _MOST_NAMES else [])])
     told = (
-        f"{len(names)} not {lacks} because the gestational age is unknown: {shown} (adults need none; "
-        "for others give scan_age in weeks in participants.tsv or the sheet)"
+        f"cortet will not {lacks} {len(names)} of {len(cases)} cases because their gestational age is unknown: {shown} "
+        "(ignore this for adults; otherwise add scan_age in weeks to participants.tsv or the sheet)"
     )
     return [told] if names and lacks else []

@@ -122,7 +122,7 @@ def read_sheet(path: Path) -> list[Case]:
     InputError : lists the problems of the sheet, each with its line, column, value and remedy
     """
     if not os.path.lexists(path):
-        raise InputError("no such sheet", file=path, remedy=f"make it: cortet cohort scan DATASET -o {path}")
+        raise InputError("no such sheet", file=path, remedy=f"create the sheet: cortet cohort scan DATASET -o {path}")
     table, miscounted = read_uneven_tsv(path)
     _check_header(list(table.columns), path)
     found: list[str] = [] if len(table) else ["no rows below the header (add one row per hemisphere)"]
@@ -221,7 +221,7 @@ def _row_problems(row: Mapping[str, str]) -> Iterator[str]:
     if row["include"].lower() not in YES | NO:
         yield f"column include: {row['include']!r} is neither yes nor no (use yes or no)"
     if row["include"].lower() in NO and row["exclude_reason"] in MISSING:
-        yield f"column exclude_reason: {row['exclude_reason']!r} is not a reason for the exclusion (give one)"
+        yield f"column exclude_reason: {row['exclude_reason']!r} is not a reason for the exclusion (give a reason)"
     if row["surface"] in MISSING:
         yield f"column surface: {row['surface']!r} is not a file (give a GIfTI surface, or {PHANTOM})"
     youngest, oldest = SCAN_AGES
@@ -254,7 +254,7 @@ def _value_problems(column: str, value: str) -> Iterator[str]:
     if region in _STANDING and value not in MISSING:
         yield f"column {column}: {region!r} is a reserved name in every mesh (use another name)"
     if column == "affine" and value not in MISSING:
-        yield "column affine: is gone (map the coordinates to mm first: CHANGELOG.md says how)"
+        yield "column affine: is no longer supported (map the coordinates to mm first: see CHANGELOG.md)"
     if column == UNIT and value not in (*UNITS, *MISSING):
         yield f"column {column}: {value!r} is not a unit (use {', '.join(UNITS)})"
     if column == CELL_SIZE and value not in MISSING and not _is_cell_size(number(value)):
@@ -276,12 +276,12 @@ def _phantom_problems(column: str, value: str, surface: str) -> Iterator[str]:
     """What a phantom lacks, or has that only a file can have, and the reverse."""
     if surface == PHANTOM and column in ("hemi", "scan_age") and value in MISSING:
         use = "L or R" if column == "hemi" else "a number, gestational weeks"
-        yield f"column {column}: {value!r}, but a {PHANTOM} has a hemisphere and an age (use {use})"
+        yield f"column {column}: {value!r}, but a {PHANTOM} needs a hemisphere and an age (use {use})"
     both = column in (INNER, SPHERE) and value == surface
     if (column == SPHERE or _region(column)) and PHANTOM in (value, surface) and value not in MISSING and not both:
         yield (
-            f"column {column}: {value!r}, but {PHANTOM} is the {INNER} surface and the {SPHERE} of a {PHANTOM} alone "
-            f"(use {PHANTOM} in both columns, surface and {column}, or n/a here)"
+            f"column {column}: {value!r} cannot be combined with {surface!r} in the column surface "
+            f"(use {PHANTOM} in both columns, or n/a here)"
         )
 
 

@@ -29,7 +29,8 @@ def require_hemisphere(path: str | Path, hemi: str | None) -> None:
     named = hemisphere_of(path)
     if hemi and named and named != hemi:
         raise InputError(
-            f"is of hemisphere {named}, as its AnatomicalStructurePrimary says, but its row says {hemi}",
+            f"is hemisphere {named} according to its AnatomicalStructurePrimary, but hemisphere {hemi} in the cohort "
+            "sheet",
             file=path,
             remedy="correct the column hemi of the cohort sheet, or name the file of the other hemisphere",
         )

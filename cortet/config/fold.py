@@ -142,8 +142,7 @@ class Fold(Section):
         wrong = {"reference": self.reference} if self.model == "growing" else of_growing
         other = "braingrowth" if self.model == "growing" else "growing"
         if name := next((name for name, is_set in wrong.items() if is_set), None):
-            what = f"{name} is of the model {other}, not of {self.model}"
-            raise ValueError(f"{what}: leave it out, or set model: {other}")
+            raise ValueError(f"{name} applies only to model {other}: leave {name} out, or set model: {other}")
         return self
 
     @model_validator(mode="after")
@@ -152,8 +151,7 @@ class Fold(Section):
         for name, changed in self.variants.items():
             if not changed or self.choices & set(changed):
                 raise ValueError(
-                    f"variant {name}: name keys of fold that differ, other than "
-                    "cases, variants, real_surfaces and picture"
+                    f"variant {name} must contain keys of fold, except cases, variants, real_surfaces and picture"
                 )
             try:
                 Fold(**{**own, **changed})

@@ -28,7 +28,7 @@ def _shares(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return value
     if type(value) is not int or not 0 < value <= MOST_LAYERS:
-        raise ValueError(f"must be a whole number from 1 to {MOST_LAYERS}, or a list of shares")
+        raise ValueError(f"must be a whole number from 1 to {MOST_LAYERS}, or a list of relative volumes")
     return [1.0] * value
 
 
@@ -39,7 +39,7 @@ def _takes_bool(annotation: Any) -> bool:
 
 def _whole_micrometres(value: float) -> float:
     if not isfinite(value * 1000) or abs(value * 1000 - round(value * 1000)) > 1e-6:
-        raise ValueError("must be a multiple of 0.001 mm: files are named by it (res-600um)")
+        raise ValueError("must be a multiple of 0.001 mm, because file names contain whole micrometres (res-600um)")
     return round(value, 3)
 
 

@@ -216,7 +216,7 @@ class Clean(Section):
     def _backend_has_it(self) -> Clean:
         if self.enabled and self.backend == "meshtool" and (self.boundary != "free" or self.improve_mean):
             raise ValueError(
-                "backend meshtool moves the boundary freely and has no passes for the mean: "
+                "backend meshtool moves the boundary freely and cannot improve the mean q: "
                 "set clean.boundary: free and clean.improve_mean: false"
             )
         return self

@@ -105,7 +105,8 @@ def require_positive(volumes: FloatArray) -> None:
     if not volumes.min() > 0:
         worst, bad = int(np.argmin(volumes)), int((~(volumes > 0)).sum())
         raise InputError(
-            f"tetrahedron {worst} is inverted or flat before anything grows, the worst of {bad}", remedy="mesh it again"
+            f"{bad} tetrahedra are flat or inverted before growth starts; the worst is tetrahedron {worst}",
+            remedy="mesh the surface again",
         )
 
 

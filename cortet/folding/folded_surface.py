@@ -42,12 +42,14 @@ def folded_surface(frame: TetMesh, found: SurfaceMap) -> TriSurface:
     start = frame.points - frame.point_data["displacement"]
     if start.shape != found.mesh.points.shape or np.abs(start - found.mesh.points).max() > _SAME:
         raise InputError(
-            "the fold is of another mesh", remedy="name the mesh that was folded, or fold this one into a new folder"
+            "the fold is of another mesh", remedy="name the mesh that was folded, or fold this mesh into a new folder"
         )
     moved = applied(found.to_surface, frame.point_data["displacement"])
     points = found.native.points + moved
     if lost := int((~np.isfinite(points).all(axis=1)).sum()):
-        raise InputError(f"{lost:,} vertices of the surface have no position", remedy="mend it: cortet repair")
+        raise InputError(
+            f"{lost:,} vertices of the surface have no position", remedy="repair the surface with `cortet repair`"
+        )
     return replace(found.native, points=points)
 
 
@@ -135,9 +137,9 @@ def write_surfaces(
     frame = next((file for file, age in frames if abs(age - week) < _SAME), None)
     if frame is None:
         raise InputError(
-            f"has no frame of {week:g} weeks, its last one is of {frames[-1][1]:g}",
+            f"has no frame at {week:g} weeks; the last frame is at {frames[-1][1]:g}",
             file=folder,
-            remedy="name weeks before an element inverts in fold.surfaces, and fold again",
+            remedy="set fold.surfaces to weeks before an element inverts, and fold again",
         )
     surface, maps = maps_of(vtu.read(frame), vtu.read(frames[0][0]), found)
     write_surface(surface, files["surface"], like=like)

@@ -53,15 +53,15 @@ def map_of(mesh: TetMesh, body: Body, start: float) -> GrowthMap | None:
         if wrong := next((name for name in mesh.point_data if name.startswith(GROWTH_FIELD)), None):
             raise InputError(
                 f"the field {wrong} is not a map of growth",
-                remedy="carry the .func.gii that cortet growth wrote to the mesh",
+                remedy="use `cortet mesh --field` with the .func.gii file that `cortet growth` wrote",
             )
         return None
     ages = list(named)
     if not (ages[0] > start and ages[-1] <= FOLD_AGES[1]):
         raise InputError(
-            f"the field {named[ages[0] if ages[0] <= start else ages[-1]]} is not for an age between that of the mesh, "
-            f"{start:g} weeks, and {FOLD_AGES[1]:g}",
-            remedy="name each map by the age that it leads to",
+            f"the age of the field {named[ages[0] if ages[0] <= start else ages[-1]]} must be above the age of the "
+            f"mesh, {start:g} weeks, and at most {FOLD_AGES[1]:g} weeks",
+            remedy="name each map by the age up to which it describes growth",
         )
     values = np.zeros((len(ages) + 1, len(body.cells), 4))
     for row, age in enumerate(ages, start=1):
@@ -76,7 +76,7 @@ def map_of(mesh: TetMesh, body: Body, start: float) -> GrowthMap | None:
 
 def _check(values: FloatArray, name: str, count: int) -> None:
     """Raise InputError for a field that cannot be logarithmic growth."""
-    remedy = "make it with cortet growth"
+    remedy = "make the field with `cortet growth`"
     if values.shape != (count, 6):
         raise InputError(f"the field {name} has the shape {values.shape}, not ({count}, 6)", remedy=remedy)
     if not np.isfinite(values).all():

@@ -268,16 +268,22 @@ def _places(mesh: TetMesh, keys: Sequence[int | str], setting: str) -> IntArray:
         elif key in mesh.sets.cells:
             places[mesh.sets.cells[str(key)]] = place
         else:
+            sets = ", ".join(mesh.sets.cells)
             raise InputError(
                 f"{setting} names {key}, but the mesh has no such set of tetrahedra",
-                remedy=f"name one of {', '.join(mesh.sets.cells) or 'an exported mesh'}, or a region by its number",
+                remedy=(f"name one of {sets}" if sets else "use an exported mesh, which has sets")
+                + ", or name a region by its number",
             )
     for place, key in enumerate(keys, start=1):
         if not (places == place).any():
             mine = mesh.cell_data[REGION] == int(key) if key in numbers else mesh.sets.cells[str(key)]
             others = ", ".join(str(keys[one - 1]) for one in np.unique(places[mine]))
             what = f"{setting} names {key}, but all its tetrahedra belong to {others}"
-            raise InputError(what, remedy="name each region once, and a part after the region that contains it")
+            raise InputError(
+                what,
+                remedy="name each region once, and name a part of a region after that region, because later entries "
+                "take precedence",
+            )
     return places
 
 
@@ -286,7 +292,7 @@ def _named(values: FloatArray | None, labels: Mapping[int, object], what: str, k
     if values is None:
         raise InputError(
             f"{key} names regions, but the mesh has no {what}",
-            remedy=f"carry one to the mesh, or leave out {key}",
+            remedy=f"use a mesh with this {what}, or leave out {key}",
         )
     there = np.unique(values)
     if missing := [str(label) for label in labels if int(label) not in there]:

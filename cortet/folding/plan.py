@@ -48,8 +48,8 @@ class Folds:
         asked = folded(list(self.plan.cases.values()), self.plan.config.fold.cases)
         if shelled := [case.name for case in asked if region_names(case.inner)[0] != OUTERMOST]:
             raise InputError(
-                f"{', '.join(shelled)}: selected for folding, but with other regions around the brain",
-                remedy="give the brain as column surface, or do not fold the case",
+                f"{', '.join(shelled)}: selected for folding, but the mesh has other regions around the brain",
+                remedy="name the brain in the column surface, or do not fold the case",
             )
         return {case.name for case in asked}
 

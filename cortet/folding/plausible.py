@@ -123,8 +123,8 @@ def _require_size(mesh: TetMesh, settings: Settings) -> None:
             "",
         )
         raise InputError(
-            f"the mesh is {longest:.4g} mm long, and no brain is"
-            + (f"; its coordinates may be {unit}" if unit else ""),
+            f"the mesh is {longest:.4g} mm long; cortet accepts {low:g} to {high:g} mm"
+            + (f"; its coordinates may be in {unit}" if unit else ""),
             remedy="give a mesh in mm",
         )
     volume = float(signed_volumes(mesh.points, mesh.cells).sum()) / 1000

@@ -122,7 +122,8 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
     check_model(settings)
     if not settings.gestational_age < settings.end:
         raise InputError(
-            f"nothing grows from {settings.gestational_age:g} to {settings.end:g} weeks", remedy="set a later end"
+            f"the fold would end at {settings.end:g} weeks, but the mesh is {settings.gestational_age:g} weeks old",
+            remedy="set a later fold.end",
         )
     require_positive(signed_volumes(mesh.points, mesh.cells))
     require_body(mesh)

@@ -85,8 +85,8 @@ def measured(early: TriSurface, later: TriSurface, width_mm: float | None = None
     area_growth, volume_growth = float(vertex_areas(later).sum() / areas.sum()), volumes[1] / volumes[0]
     if max(area_growth, volume_growth) < 1:
         raise InputError(
-            f"the later surface is smaller than the early one: its area is {area_growth:.2f} and its volume "
-            f"{volume_growth:.2f} of the early ones",
+            f"the later surface is smaller than the early one: it has {area_growth:.0%} of its area and "
+            f"{volume_growth:.0%} of its volume",
             remedy="give the early surface and its age first",
         )
     order = np.argsort(ratio)
@@ -149,9 +149,9 @@ def through_spheres(surface: TriSurface, sphere: TriSurface, of_early: TriSurfac
     """
     if not same_triangles(sphere, surface):
         raise InputError(
-            f"the sphere has {len(sphere.points)} vertices and other triangles than the surface, which has "
-            f"{len(surface.points)}",
-            remedy="give the sphere of this very surface",
+            f"the sphere ({len(sphere.points)} vertices) and the surface ({len(surface.points)}) have different "
+            "triangles",
+            remedy="give the sphere of this surface",
         )
     weights = barycentric(of_one_radius(sphere), of_one_radius(of_early))
     return TriSurface(weights @ surface.points, of_early.faces)
@@ -161,9 +161,9 @@ def check_corresponding(early: TriSurface, later: TriSurface) -> None:
     """Raise InputError unless the vertices of two surfaces correspond by their numbers, and no triangle is flat."""
     if early.faces.shape != later.faces.shape or not np.array_equal(early.faces, later.faces):
         raise InputError(
-            f"the surfaces have {len(early.points)} and {len(later.points)} vertices, and other triangles: their "
-            "vertices do not correspond",
-            remedy="give the registered sphere of each",
+            f"the surfaces have {len(early.points)} and {len(later.points)} vertices and different triangles, so "
+            "their vertices do not correspond",
+            remedy="give the registered sphere of each surface",
         )
     for surface, name in ((early, "early"), (later, "later")):
         areas = face_areas(surface.points, surface.faces)

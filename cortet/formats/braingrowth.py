@@ -26,7 +26,8 @@ def write(mesh: TetMesh, path: str | Path) -> None:
     """Write a mesh whose surface nodes come first (`stages.solver_ready`), with coordinates in mm to 1e-9."""
     surface_nodes = boundary_nodes(mesh)
     if surface_nodes[-1] != len(surface_nodes) - 1:
-        raise InputError("surface nodes do not come first", file=path, remedy="run the stage solver_ready before")
+        what = "BrainGrowth needs the surface nodes first, but they are not"
+        raise InputError(what, file=path, remedy="run the stage solver_ready first")
     with atomic_path(path) as temporary, temporary.open("w") as file:
         file.write(f"{len(mesh.points)}\n")
         write_rows(file, "%.9f %.9f %.9f\n", mesh.points)

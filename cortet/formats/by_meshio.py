@@ -37,7 +37,7 @@ _FLAT = {"vertex", "line", "line3", "triangle", "triangle6", "quad", "quad8", "q
 _NUMBERS = ("gmsh:physical", "nastran:ref", "surface", REGION)
 #: set of all elements, which is none
 _EVERY = "all_elements"
-_REMEDY = "save it as VTU, tetrahedra of four nodes alone: ParaView, or meshio.write(FILE, mesh)"
+_REMEDY = "save only its four-node tetrahedra, as VTU, with ParaView or meshio.write(FILE, mesh)"
 _LINES = re.MULTILINE | re.IGNORECASE
 #: lines of Abaqus that add nodes, elements or members of sets, and of which meshio makes something else
 _UNREAD = re.compile(

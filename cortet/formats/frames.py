@@ -33,7 +33,7 @@ _SURFACE_RAS = np.array([[-1, 0, 0], [0, 0, 1], [0, -1, 0]], float)
 _MOVED = re.compile(r"-surface-apply-(affine|warpfield)")
 #: metadata of FreeSurfer, by row of an affine: axes of the volume, and its centre
 _VOLUME = [f"VolGeom{axis}_{to}" for to in "RAS" for axis in "XYZC"]
-_REMEDY = "export the surface again as GIfTI (.surf.gii), with coordinates in mm and the identity, or without its {}"
+_REMEDY = "export the surface again as GIfTI (.surf.gii) in mm, with an identity matrix or without the {}"
 
 
 class System(NamedTuple):

@@ -112,9 +112,9 @@ def require_same_hemisphere(path: str | Path, hemisphere: str | None) -> None:
     """Raise InputError if a file states another hemisphere than that of the surface it belongs to; None: unknown."""
     if hemisphere and (named := hemisphere_of(path)) not in (None, hemisphere):
         raise InputError(
-            f"is of hemisphere {named} according to its metadata, not {hemisphere}",
+            f"is hemisphere {named} according to its metadata, not {hemisphere}",
             file=path,
-            remedy="name the file of the same hemisphere",
+            remedy=f"name the file of hemisphere {hemisphere}",
         )
 
 
@@ -238,7 +238,8 @@ def _geometry(image: Any, intent: int, path: str | Path) -> Any:
     """The one (n, 3) array of this intent."""
     found = [array for array in image.darrays if array.intent == intent]
     if len(found) != 1 or found[0].data.ndim != 2 or found[0].data.shape[1] != 3 or not len(found[0].data):
-        what = f"holds {len(found)} arrays {intent_codes.niistring[intent]}, not one of (n, 3) numbers"
+        intended = intent_codes.niistring[intent]
+        what = f"contains {len(found)} arrays {intended}, but must contain exactly one, of shape (n, 3)"
         raise DamagedFileError(what, file=path)
     return found[0]
 
@@ -289,7 +290,7 @@ def surface_of(image: Any) -> TriSurface:
     """The surface of a NiBabel image (`nibabel.gifti.GiftiImage`), in its frame."""
     points, faces = (image.get_arrays_from_intent(f"NIFTI_INTENT_{name}") for name in ("POINTSET", "TRIANGLE"))
     if not (points and faces):
-        raise InputError("the image holds no surface", remedy="give one with a pointset and triangles")
+        raise InputError("the image holds no surface", remedy="give an image with a pointset and triangles")
     system, systems = points[0].coordsys, []
     if system is not None:
         dataspace, xformspace = (str(xform_codes.niistring[code]) for code in (system.dataspace, system.xformspace))

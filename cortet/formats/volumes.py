@@ -165,7 +165,11 @@ def _volume(image: SpatialImage, path: str | Path, kind: Kind | None) -> Volume:
     tensors = values.ndim == 4
     if tensors != (kind in ("tensors", "mrtrix")) and kind is not None:
         there = "six numbers" if tensors else "one number"
-        remedy = "name it NAME=FILE:tensors" if tensors else "a tensor has six numbers"
+        remedy = (
+            "name it NAME=FILE:tensors"
+            if tensors
+            else "name a volume with six numbers per voxel, or leave out the kind"
+        )
         raise InputError(f"holds {there} per voxel, which cannot be {kind}", file=path, remedy=remedy)
     if not np.nan_to_num(values).any():
         raise InputError("is empty: every voxel is 0", file=path, remedy="export it again")
@@ -244,7 +248,7 @@ def _are_labels(values: NDArray[Any], path: str | Path) -> bool:
     finite = values[np.isfinite(values)]
     if (np.abs(finite - np.rint(finite)) <= _ROUNDED).all() and np.rint(finite).any():
         raise InputError(
-            f"holds whole numbers as {values.dtype}: labels or measured numbers?",
+            f"contains only integers, stored as {values.dtype}: cortet cannot tell labels from measured numbers",
             file=path,
             remedy="specify which: NAME=FILE:labels or NAME=FILE:numbers",
         )

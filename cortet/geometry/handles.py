@@ -57,10 +57,10 @@ def without_handles(work: Triangles, *, keep: int, max_loop: float, max_piece: f
         where = place_mm(middle)
         if lengths[0] > max_loop:
             raise InputError(
-                f"{genus} handle{'s' if genus > 1 else ''}; the thinnest has a loop of {lengths[0]:.0f} mm around "
-                f"{where}, and cortet cuts or closes loops of up to {max_loop:g} mm",
-                remedy="correct the topology of the segmentation, or set repair.max_loop, or gate.allow_genus if the "
-                "handles are real",
+                f"the surface has {genus} handle{'s' if genus > 1 else ''}; the shortest loop, around {where}, is "
+                f"{lengths[0]:.0f} mm long, above the limit of {max_loop:g} mm",
+                remedy="correct the topology of the segmentation, raise repair.max_loop, or set gate.allow_genus if "
+                "the handles are real",
             )
         short = [loop for loop, length in zip(loops, lengths, strict=True) if length <= max_loop]
         crossing = len(self_intersections(as_surface(work)))

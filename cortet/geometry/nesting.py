@@ -41,8 +41,8 @@ def _require_same_space(surface: TriSurface, name: str, inner: TriSurface) -> No
     off = float(np.linalg.norm(finite @ apart[:3, :3].T + apart[:3, 3], axis=1).max(initial=0))
     if off > _SAME_SPACE:
         raise InputError(
-            f"the inner surface {name} is in a different space: the files place equal coordinates up to "
-            f"{off:.1f} mm apart",
+            f"the inner surface {name} is in a different space: the transforms of the two files differ by up to "
+            f"{off:.1f} mm",
             remedy="export both in the same way, for example by mris_convert --to-scanner",
         )
 

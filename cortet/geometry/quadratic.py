@@ -72,7 +72,7 @@ def quadratic(mesh: TetMesh, surface: TriSurface, *, max_boundary_distance: floa
     Raises
     ------
     InputError
-        tetrahedra have no positive volume or fill no body, or nodes lie on another surface
+        tetrahedra are flat or inverted or fill no body, or nodes lie on another surface
     StageError
         an element of the result is not valid
     """
@@ -108,7 +108,10 @@ def quadratic(mesh: TetMesh, surface: TriSurface, *, max_boundary_distance: floa
     touched = np.flatnonzero(shape.moved[of_cells].any(axis=1))
     least = jacobian_bounds(mesh.points[mesh.cells[touched]], middle[of_cells[touched]])
     if not least.min(initial=1.0) > 0:
-        raise StageError(f"an element would have a Jacobian determinant of {least.min():.3g}, which is not above 0")
+        raise StageError(
+            "a curved ten-node element may be inverted: the lower bound of its Jacobian determinant is "
+            f"{least.min():.3g}"
+        )
     return QuadraticMesh(
         points=np.concatenate([mesh.points, middle]),
         cells=np.concatenate([mesh.cells, of_cells + np.int32(len(mesh.points))], axis=1),

@@ -148,6 +148,6 @@ def regions_of(points: FloatArray, cells: IntArray, walls: Sequence[TriSurface])
     if not np.array_equal(np.sort(label), np.arange(len(walls))):
         raise StageError(
             f"the surfaces divide the mesh into {len(label)} bodies instead of {len(walls)}",
-            remedy="look at the certificate of each surface alone, or use a smaller cell size",
+            remedy="mesh each surface alone and check its certificate, or use a smaller cell size",
         )
     return (1 + label[part]).astype(np.int32)

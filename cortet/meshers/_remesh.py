@@ -130,8 +130,8 @@ def _split(work: Work, tree: SurfaceTree, scratch: Scratch, limits: Limits) -> t
     done, split = _split_until(work, tree, scratch, limits, longest=True, most=MOST_POINTS[1] * wanted)
     if split < 0:
         raise StageError(
-            f"remeshing stopped at {done.used[0]:,} points, {MOST_POINTS[1]} times what the cell size asks for, "
-            f"at last near {place_mm(done.points[done.used[0] - 1])}",
+            f"remeshing stopped at {done.used[0]:,} points, {MOST_POINTS[1]} times the number expected for the cell "
+            f"size; the last point was near {place_mm(done.points[done.used[0] - 1])}",
             remedy="remesh the surface to remove long, thin triangles",
         )
     return done, split

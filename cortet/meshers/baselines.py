@@ -184,7 +184,7 @@ def _fill(mesher: str, surface: TriSurface, _settings: Generate, facts: Facts) -
     mesh, flat = well_ordered(*made)
     if folded := folded_faces(mesh):  # no later stage could work on it
         raise StageError(
-            f"{mesher} returned tetrahedra that overlap: both those of {folded} faces are on one side of it"
+            f"{mesher} returned overlapping tetrahedra: {folded} faces have both their tetrahedra on the same side"
         )
     attempt = checked(mesh, surface, flat=flat)
     log_attempt(mesher, attempt, time.perf_counter() - began)

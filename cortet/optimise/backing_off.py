@@ -31,7 +31,7 @@ def back_off(
 
     Raises
     ------
-    StageError : an element has no positive volume at `start`
+    StageError : an element is flat or inverted at `start`
     """
     allowed = np.maximum(np.nextafter(q_max, 0), quality(start, cells))
     share = np.ones(len(start))
@@ -42,7 +42,7 @@ def back_off(
             return points, share
         offending = np.unique(cells[bad])
         if not share[offending].any():
-            what = f"{np.count_nonzero(bad)} tetrahedra have no positive volume before any node moves"
-            raise StageError(what, remedy="use `cortet improve`, which turns inverted ones")
+            what = f"{np.count_nonzero(bad)} tetrahedra are flat or inverted before any node moves"
+            raise StageError(what, remedy="use `cortet improve`, which turns inverted tetrahedra")
         share[offending] /= 2
         share[share < 0.5**HALVINGS] = 0

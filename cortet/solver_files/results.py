@@ -71,7 +71,7 @@ def read_result(path: Path) -> Iterator[Step]:
             raise InputError(
                 f"cannot be read as a result: {broke}",
                 file=path,
-                remedy="write VTU, VTK, PVD or XDMF, or what else PyVista or meshio reads",
+                remedy="write VTU, VTK, PVD, XDMF or another format that PyVista or meshio reads",
             )
         for file in sorted(Path(folder).glob("*.step")):
             time, points, *content = pickle.loads(file.read_bytes())
@@ -87,7 +87,7 @@ def in_order(result: TetMesh, mesh: TetMesh, *, file: Path, mesh_file: Path) -> 
     """
     used = used_vertices(result.cells, len(result.points)) if len(result.cells) else np.arange(len(result.points))
     if len(used) != len(mesh.points):
-        raise _of_another(f"has {len(used):,} nodes, and {mesh_file.name} {len(mesh.points):,}", file)
+        raise _of_another(f"has {len(used):,} nodes, but {mesh_file.name} has {len(mesh.points):,}", file)
     points = result.points[used]
     extent, own = (float(np.linalg.norm(np.ptp(one, axis=0))) for one in (mesh.points, points))
     ratio = extent / max(own, 1e-300)
@@ -104,7 +104,10 @@ def in_order(result: TetMesh, mesh: TetMesh, *, file: Path, mesh_file: Path) -> 
 
         distances, place = cKDTree(points).query(mesh.points)
         if len(away := np.flatnonzero(distances > most)) or len(np.unique(place)) < len(place):
-            what = f"lacks {len(away):,} nodes of {mesh_file.name}, the farthest is {distances.max():.3g} mm away"
+            what = (
+                f"lacks {len(away):,} nodes of {mesh_file.name}; one of them is {distances.max():.3g} mm from the "
+                "nearest node of the result"
+            )
             raise _of_another(what, file)
         told.append("its nodes have another order; cortet matched them by position")
     nodes = used[place]
@@ -169,7 +172,7 @@ def on_surface(steps: Iterable[Step], weights: ToSurface, *, file: Path, mesh_fi
         done.append(_of_step(last, order, mesh, weights))
         told |= dict.fromkeys(done[-1].told)
     if not any(one.fields for one in done):
-        raise InputError("has no numeric field", file=file, remedy="make the solver write one")
+        raise InputError("has no numeric field", file=file, remedy="make the solver write a numeric field")
     endings = _endings(times)
     if len(set(endings)) < len(endings):
         told["several steps have the same time; names end in the step number, from 0"] = None

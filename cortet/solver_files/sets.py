@@ -156,7 +156,8 @@ def tagged(mesh: TetMesh, field: str) -> TetMesh:
     whole = values is not None and values.ndim == 1 and bool((values == np.round(values)).all())
     if values is None or not whole or not 0 <= values.min() <= values.max() < TOO_LARGE - 1:
         known = [name for name, some in mesh.cell_data.items() if _is_label(some)]
-        raise InputError(f"the tetrahedra have no labels {field} from 0 to {TOO_LARGE - 2}", remedy=_known(known))
+        what = f"the mesh has no field {field} of labels from 0 to {TOO_LARGE - 2} at the tetrahedra"
+        raise InputError(what, remedy=_known(known))
     number = values.astype(np.int32)  # of bytes, none comes after 255
     number[number == 0] = number.max() + 1
     sets = {name: cells for name, cells in mesh.sets.cells.items() if name.startswith(f"{field}_")}
@@ -191,7 +192,7 @@ def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
             else f"{np.count_nonzero(region == 0)} tetrahedra are not in any of the sets {', '.join(names)}"
         )
         raise InputError(
-            f"cannot tell its regions: {what} (it has: {', '.join(sets) or 'none'})",
+            f"cannot tell the regions of the mesh: {what} (its sets: {', '.join(sets) or 'none'})",
             remedy="give a mesh that was made with these inner surfaces",
         )
     return replace(mesh, cell_data={**mesh.cell_data, REGION: region})

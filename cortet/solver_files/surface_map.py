@@ -107,7 +107,7 @@ class SurfaceMap:
     def _below(self, depth: Depth) -> Located:
         """Points below vertices; several of each for a range."""
         ends = depth if isinstance(depth, tuple) else (depth, depth)
-        remedy = "give mm: one value, or one per vertex, not below 0; or the two ends of a range, the smaller one first"
+        remedy = "give a depth of 0 mm or more, as a single value, one value per vertex, or a range (smaller, larger)"
         try:
             first, last = (np.broadcast_to(np.asarray(end, float), len(self.points)) for end in ends)
         except (TypeError, ValueError) as error:
@@ -161,8 +161,9 @@ class ToSurface:
         if len(values) == len(mesh.cells):
             return self.of_cells(values)
         raise InputError(
-            f"{len(values):,} values for a mesh of {len(mesh.points):,} nodes and {len(mesh.cells):,} tetrahedra",
-            remedy="give one for each node or tetrahedron",
+            f"{len(values):,} values do not fit a mesh of {len(mesh.points):,} nodes and {len(mesh.cells):,} "
+            "tetrahedra",
+            remedy="give one value for each node or tetrahedron",
         )
 
     def of_nodes(self, values: NDArray[Any]) -> NDArray[Any]:
@@ -270,7 +271,9 @@ def map_of_file(path: Path, mesh: TetMesh, surface: Path | None = None) -> tuple
 def _given_file(mesh: Path, given: Mapping[str, Mapping[str, str]]) -> Path:
     """The file of the outermost surface that a mesh was made from, which must be as it was then."""
     if not given:
-        raise InputError("no sidecar records the surface it was made from", file=mesh, remedy="name it with --surface")
+        raise InputError(
+            "no sidecar records the surface of this mesh", file=mesh, remedy="name the surface with --surface"
+        )
     return recorded_file(mesh, next(iter(given.values())))
 
 

@@ -36,7 +36,10 @@ FIBRE = "fibre"
 _TAKEN = (REGION, FIBRE, "q")
 #: labels are misplaced if they cover less than this share of what they could cover of the inside
 _LEAST_COVERED = 0.5
-_REMEDY = "give a volume of this brain, in the space of the surface; one of them may be shifted, flipped, or in LPS"
+_REMEDY = (
+    "give a volume of this brain in the space of the surface; "
+    "the volume or the surface may be shifted, flipped, or in LPS"
+)
 #: a warning is given if more than this share of a brain lies where a volume is 0 or holds no number
 _BARE = 0.05
 #: label 0 is the outside, not a tissue, if less than this share of a mesh has it
@@ -193,8 +196,8 @@ def _require_cover(volume: Volume, points: FloatArray) -> None:
     corners = np.array(np.meshgrid(*([-0.5, n - 0.5] for n in shape))).reshape(3, -1).T
     corners = corners @ volume.affine[:3, :3].T + volume.affine[:3, 3]
     what = (
-        f"{(out > 0).mean():.1%} of the surface's vertices lie outside the volume, by up to {out.max():.1f} mm; it "
-        f"reaches from {place_mm(corners.min(axis=0))} to {place_mm(corners.max(axis=0))}"
+        f"{(out > 0).mean():.1%} of the surface's vertices lie outside the volume, by up to {out.max():.1f} mm; the "
+        f"volume reaches from {place_mm(corners.min(axis=0))} to {place_mm(corners.max(axis=0))}"
     )
     raise InputError(what, file=volume.file, remedy=_REMEDY)
 
@@ -205,7 +208,7 @@ def _background(name: str, volume: Volume, brain: TriSurface) -> Background:
     held = np.isfinite(values).all(axis=3) & values.any(axis=3)
     covered, possible = coverage(brain, held, volume.affine)
     if volume.kind == "labels" and covered <= _LEAST_COVERED * possible:
-        what = f"its labels cover {covered:.0%} of the brain, but could cover {possible:.0%}"
+        what = f"its labels cover {covered:.0%} of the brain; correctly aligned, they could cover {possible:.0%}"
         raise InputError(what, file=volume.file, remedy=_REMEDY)
     fraction = max(0.0, 1 - covered)
     what = f"{name}: {fraction:.1%} of the brain lies where {volume.file or 'the volume'} is 0 or holds no "

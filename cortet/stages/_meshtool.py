@@ -76,7 +76,7 @@ def _check_nothing_to_do(mesh: TetMesh, threshold: float) -> None:
     """Raise StageError if meshtool wrote nothing although an element is above the threshold."""
     if above := int((quality(mesh.points, mesh.cells) > threshold).sum()):
         raise StageError(
-            f"meshtool wrote nothing at threshold {threshold:g}, although {above} tetrahedra are above it",
+            f"meshtool wrote no mesh at threshold {threshold:g}, although {above} tetrahedra have a larger q",
             remedy="run `meshtool clean quality` by hand on the CARP files of S2, or set clean.backend: cortet",
         )
     logger.info("no tetrahedron is above %g: meshtool had nothing to do", threshold)
@@ -85,9 +85,10 @@ def _check_nothing_to_do(mesh: TetMesh, threshold: float) -> None:
 def _check_result(mesh: TetMesh, result: TetMesh) -> None:
     """Refuse a result that is not the same mesh with moved vertices."""
     if result.cells.shape != mesh.cells.shape:
-        raise StageError(f"meshtool returned {len(result.cells)} tetrahedra of {len(mesh.cells)}")
+        what = f"meshtool changed the number of tetrahedra from {len(mesh.cells)} to {len(result.cells)}"
+        raise StageError(what)
     if len(result.points) != len(mesh.points):
-        raise StageError(f"meshtool returned {len(result.points)} nodes of {len(mesh.points)}")
+        raise StageError(f"meshtool changed the number of nodes from {len(mesh.points)} to {len(result.points)}")
     if not np.array_equal(np.sort(result.cells, axis=1), np.sort(mesh.cells, axis=1)):
         raise StageError("meshtool changed the connectivity, although cleaning only moves vertices")
     # checked by the original orientation: meshtool reverses inverted tetrahedra and calls them positive

@@ -130,7 +130,7 @@ class BrokenSurface:
             raise InputError(
                 f"repair would change the volume by {change:+.1%}; at most {self.limits.max_volume_change:.1%} is "
                 f"allowed ({self.done()})",
-                remedy="edit the surface, or set repair.max_volume_change",
+                remedy="edit the surface, or raise repair.max_volume_change",
             )
         return replace(made, point_data=self._fields(made), frame=self.given.frame, inner=self.given.inner)
 
@@ -198,7 +198,7 @@ class BrokenSurface:
             raise InputError(
                 f"the surface has {len(large)} separate pieces with {shares} of the area, around {where}; cortet "
                 "cannot tell which one to mesh",
-                remedy=f"keep one of them, or set repair.max_piece (now {self.limits.max_piece:g})",
+                remedy=f"keep one of the pieces, or raise repair.max_piece (now {self.limits.max_piece:g})",
             )
         if len(area) > 1:
             centres = np.array([self._middle(piece == number) for number in range(1, min(len(area), PLACES + 1))])
@@ -223,7 +223,8 @@ class BrokenSurface:
             self._note("triangles turned outward", len(changed), "faces", self.work.points[places])
         self.work = self.work._replace(faces=turned)
         if surface_topology(turned).misoriented_edges:
-            raise InputError("the surface cannot be oriented: it has no inside", remedy="export the surface again")
+            what = "the surface is not orientable, so it has no inside"
+            raise InputError(what, remedy="export the surface again")
         if closed_volume(self.work) < 0:
             self.work = self.work._replace(faces=np.ascontiguousarray(turned[:, ::-1]))
 
@@ -285,7 +286,7 @@ class BrokenSurface:
                 f"repairing {len(found.centres)} self-intersecting triangles would move the surface by "
                 f"{found.displacement:.2f} mm at {in_mm(found.place)}; at most {limits.max_displacement:g} mm is "
                 "allowed",
-                remedy="edit the surface there, or set repair.max_displacement",
+                remedy="edit the surface there, or raise repair.max_displacement",
             )
 
     def _fields(self, made: TriSurface) -> dict[str, NDArray[Any]]:

@@ -128,7 +128,7 @@ def _check_area(surface: TriSurface, flat: IntArray) -> None:
     if len(flat):
         first = surface.faces[flat[0]]
         where = surface.points[first].mean(axis=0).round(2).tolist()
-        what = f"{len(flat)} triangles without area, the first is triangle {flat[0]} {first.tolist()} at {where} mm"
+        what = f"{len(flat)} triangles have no area; the first is triangle {flat[0]} {first.tolist()} at {where} mm"
         raise InputError(what, remedy="collapse them, or remesh the surface")
 
 
@@ -140,7 +140,7 @@ def _check_topology(surface: TriSurface, found: SurfaceTopology, allow_genus: in
         if coincident:
             remedy = f"{coincident} vertices coincide with others: merge them first"
         elif found.misoriented_edges and len(problems) == 1:
-            remedy = "the surface cannot be oriented: it has no inside"
+            remedy = "the surface is not orientable, so it has no inside"
         raise InputError(f"the surface is not one closed manifold: {'; '.join(problems)}", remedy=remedy)
     if found.genus > allow_genus:
         raise InputError(

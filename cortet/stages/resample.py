@@ -120,11 +120,11 @@ def common_sphere(settings: Resample) -> TriSurface:
 
 
 def _check(surface: TriSurface, sphere: TriSurface, file: Any) -> None:
-    without = "or no sphere: omit --sphere, or leave the column sphere of the cohort sheet empty"
+    without = "or no sphere: omit --sphere, or write n/a in the column sphere of the cohort sheet"
     if not spheres.same_triangles(sphere, surface):
         raise InputError(
-            f"the sphere has {len(sphere.points)} vertices and {len(sphere.faces)} triangles, the surface "
-            f"{len(surface.points)} and {len(surface.faces)}; or the triangles differ",
+            f"the sphere ({len(sphere.points)} vertices, {len(sphere.faces)} triangles) and the surface "
+            f"({len(surface.points)}, {len(surface.faces)}) have different triangles",
             file=file,
             remedy=f"give the sphere of this surface, {without}",
         )

@@ -124,8 +124,9 @@ def _check_volumes(surface: TriSurface) -> None:
         volume = enclosed_volume(one.points, one.faces)
         if volume > outer:
             raise InputError(
-                f"the inner surface {name} encloses {volume / 1000:.1f} mL, the outer one {outer / 1000:.1f} mL",
-                remedy="swap them: the outer (pial) surface comes first",
+                f"the inner surface {name} encloses {volume / 1000:.1f} mL, but the outer surface only "
+                f"{outer / 1000:.1f} mL",
+                remedy="swap the two surfaces: the outer (pial) surface comes first",
             )
 
 
@@ -137,7 +138,8 @@ def _require_inside(surface: TriSurface, container: TriSurface, *, name: str, ma
             f"the inner surface {name} lies up to {-depth[worst]:.2f} mm outside the surface around it, at "
             f"{place_mm(surface.points[worst])}, {(depth < -max_outside).mean():.1%} of its vertices by more than "
             f"{max_outside:g} mm",
-            remedy="check that both surfaces belong to one subject and one space; if they do, set regions.max_outside",
+            remedy="check that both surfaces are of the same subject and in the same space; if they are, raise "
+            "regions.max_outside",
         )
 
 

@@ -55,7 +55,7 @@ def surface_nodes_first(mesh: TetMesh) -> tuple[TetMesh, SolverReadyReport]:
     """
     volumes = signed_volumes(mesh.points, mesh.cells)
     if bad := int((~(volumes > 0)).sum()):
-        raise StageError(f"{bad} tetrahedra have no positive volume", remedy="see the reports of the previous stages")
+        raise StageError(f"{bad} tetrahedra are flat or inverted", remedy="see the reports of the previous stages")
     on_boundary = np.zeros(len(mesh.points), bool)
     on_boundary[boundary_nodes(mesh)] = True
     order = np.argsort(~on_boundary, kind="stable")

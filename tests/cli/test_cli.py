@@ -179,7 +179,7 @@ def test_certify_checks_regions_of_an_exported_mesh_by_the_surfaces_they_were_ma
     write_surface(ball_surface(4, 5.0), tmp_path / "deep.surf.gii")
     more = ["--inner", files[2], "--inner", f"deep={tmp_path / 'deep.surf.gii'}"]
     assert main(["certify", *files[:2], *more]) == 1
-    assert "cannot tell its regions: there is no set deep (it has: cortex, white, core)" in capsys.readouterr().err
+    assert "no set deep (its sets: cortex, white, core)" in capsys.readouterr().err
 
 
 def test_a_white_surface_is_meshed_without_a_cortex_and_that_is_said(tmp_path, capsys):

@@ -134,10 +134,10 @@ def test_the_names_of_other_pipelines_are_known(tmp_path, file, case):
     said: list[str] = []
     (found,) = scan(tmp_path, say=said.append)
     assert (found.name, found.surface) == (case, path)
-    assert "white surfaces alone: 1" in said[-1] and "(--pial uses both)" in said[-1]
+    assert "only the white surface" in said[-1] and "(--pial uses both)" in said[-1]
     (both,) = scan(tmp_path, Scan(pial=True), said.append)
     assert (both.surface, both.inner) == (pial, {"white": path})
-    assert "pial surfaces with the white surface inside: 1" in said[-1]
+    assert "pial and white surfaces" in said[-1]
 
 
 #: what is in the folder -> what is taken, and what is said of the rest

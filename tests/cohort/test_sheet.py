@@ -180,5 +180,5 @@ def test_a_case_without_an_age_is_told_and_not_folded(tmp_path):
         with pytest.raises(InputError, match="sub-008_ses-01_hemi-L: .* age is unknown"):
             folded([old, ageless], which)
     (notice,) = ageless_notice([old, ageless], smoothed=True, folded=True)
-    assert notice.startswith("1 not smoothed or folded because")
+    assert "smooth or fold 1 of 2 cases" in notice
     assert ageless_notice([old], smoothed=True, folded=True) == []

@@ -66,7 +66,7 @@ def test_surfaces_that_do_not_correspond_are_refused():
             logarithmic_growth(ball, later)
     ball = ball_surface(4, radius=25.0)
     mixed = ball.points[np.random.default_rng(0).permutation(len(ball.points))]
-    for early, late, word in ((1, ball.points / 1000, "in mm"), (1, mixed, "corr"), (1.2, ball.points, "0.69")):
+    for early, late, word in ((1, ball.points / 1000, "in mm"), (1, mixed, "corr"), (1.2, ball.points, "69%")):
         with pytest.raises(InputError, match=word):
             measured(replace(ball, points=early * ball.points), replace(ball, points=late))
 

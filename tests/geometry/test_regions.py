@@ -134,7 +134,7 @@ STRANGERS: dict[str, tuple[Callable[[], tuple[TriSurface, TriSurface]], str]] = 
     ),
     "two subjects": (
         lambda: (real_surface("pairs/neonatal_dhcp_w28_lh_pial"), real_surface("pairs/neonatal_dhcp_w30_rh_white")),
-        "one subject",
+        "same subject",
     ),
 }
 

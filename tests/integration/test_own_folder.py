@@ -43,7 +43,7 @@ def test_a_prepared_folder_runs_and_swallows_no_target(study):
     assert "cohort_page" not in done.stdout and "dataset_description" in done.stdout, done.stdout + done.stderr
     (study / "cohort.tsv").unlink()
     done = snakemake(study, "--dry-run")
-    assert "no such sheet (make it: cortet cohort scan DATASET -o cohort.tsv)" in done.stdout + done.stderr
+    assert "no such sheet (create the sheet: cortet cohort scan DATASET -o cohort.tsv)" in done.stdout + done.stderr
 
 
 def test_the_named_snakefile_takes_its_configuration_from_the_command(study, capsys):
