@@ -143,10 +143,10 @@ def _say_which(cases: Sequence[Case], say: Callable[[str], object], *, pial: boo
     beside = [case for case in white if is_there(_pial_of(Path(case.surface)))]
     both = len(cases) - len(white) if pial else 0
     if both:
-        say(f"for {both} of {len(cases)} cases, cortet uses pial and white surfaces; their meshes have a region cortex")
+        say(f"cortet uses pial and white surfaces of {both} of {len(cases)} cases; their meshes have a region cortex")
     if white:
         words = (
-            f"for {len(white)} of {len(cases)} cases, cortet uses only the white surface; "
+            f"cortet uses only the white surface of {len(white)} of {len(cases)} cases; "
             "their meshes contain white matter without the cortex"
         )
         if beside:
