@@ -6,6 +6,7 @@ rule case_page:
     input:
         surface=PLAN.surface,
         meshed=PLAN.meshed_surface,
+        inner=PLAN.inner_surfaces,
         mesh=LAYOUT.mesh("Solver"),
         certificate=LAYOUT.certificate,
         tissues=PLAN.tissues,

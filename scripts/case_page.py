@@ -22,7 +22,7 @@ mesh = vtu.read(given.mesh)
 page = Checked(
     mesh,
     placed(gifti.read_surface(given.surface, finite=False), params.to_mm),
-    gifti.read_nested(given.meshed, []),
+    gifti.read_nested(given.meshed, given.inner),
     certificate,
     files=[
         *((name, f"{name} (the result, {form})") for name, form in params.exported["names"] if exported),

@@ -149,6 +149,7 @@ def mesh(
     for view in (views.page, views.picture, views.slices):
         if view and view.absolute() in [one.absolute() for one in every]:
             refuse_companion(view)
+    existed = output.exists()
     if not how.force:
         require_own_stem(output, by_region(surface, dict(inner)), cell_size=cell_size)
     made = cortet.mesh(
@@ -177,7 +178,7 @@ def mesh(
         if made.origin.kind == "white" and not inner:
             print(WHITE_ALONE)
     else:
-        print(f"{output}: not written")
+        print(f"{output}: not written" + (", and the earlier file deleted: its mesh is another one" if existed else ""))
     return 0 if certificate.certified else 1
 
 

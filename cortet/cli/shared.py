@@ -66,7 +66,8 @@ class Configured:
     config
         YAML file of parameters; see `cortet config`.
     setting
-        Preset: cortet's method, the paper's mesher with cortet's stages, or the paper's method.
+        Preset: cortet's method, cortet's method with cells for folds, the paper's mesher with cortet's stages, or the
+        paper's method.
     cell_size
         Cell size h (default: that of --config, that of the mesh if it is known, or 0.6).
     """

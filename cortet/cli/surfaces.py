@@ -155,14 +155,12 @@ def phantom(
     from cortet.phantoms import inset, phantom_with_sphere
 
     surface, ball = phantom_with_sphere(ga, hemisphere=hemi, subdivisions=subdivisions, seed=seed)
+    made = {pial: surface, output: inset(surface, thickness)} if pial else {output: surface}
     if sphere:
         write_surface(ball, sphere)
-    if pial:
-        write_surface(surface, pial)
-        print(f"{pial}: {len(surface.points)} vertices, {len(surface.faces)} faces")
-        surface = inset(surface, thickness)
-    write_surface(surface, output)
-    print(f"{output}: {len(surface.points)} vertices, {len(surface.faces)} faces")
+    for file, one in made.items():
+        write_surface(one, file)
+        print(f"{file}: {len(one.points)} vertices, {len(one.faces)} faces")
     return 0
 
 

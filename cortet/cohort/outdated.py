@@ -130,10 +130,10 @@ def _with_companions(files: Iterable[Path]) -> list[Path]:
 
 
 def _without_row(plan: Plan) -> list[tuple[str, Path]]:
-    """Names and folders of the cases that have a certificate, but no row of the sheet that includes them."""
-    output = Path(plan.layout.output)
-    certificates = [path for case in ("sub-*", "sub-*/ses-*") for path in output.glob(f"{case}/mesh/*{_CERTIFICATE}")]
-    found = {(path.name.partition("_res-")[0], path.parents[1]) for path in certificates}
+    """Names and folders of the cases that no row includes, but that have a certificate or the page of a failure."""
+    output, results = Path(plan.layout.output), (_CERTIFICATE, *_OF_FAILURE)
+    patterns = [f"{case}/mesh/*{end}" for case in ("sub-*", "sub-*/ses-*") for end in results]
+    found = {(path.name.partition("_res-")[0], path.parents[1]) for one in patterns for path in output.glob(one)}
     return [(name, folder) for name, folder in sorted(found) if name not in plan.cases]
 
 

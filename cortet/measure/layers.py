@@ -28,7 +28,9 @@ from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, TriSurface, is_
 WHITE = "white"
 #: names of the fields
 COLUMN, THICKNESS, DEPTH, EQUIVOLUMETRIC = "column", "thickness_mm", "depth", "depth_equivolumetric"
-#: and their units
+#: field of tetrahedra: number of the layer, 0 in none. Formats without sets of tetrahedra have it
+NUMBER = "layer"
+#: units of the others
 UNITS = {COLUMN: "1", THICKNESS: "mm", DEPTH: "1", EQUIVOLUMETRIC: "1"}
 #: shortest column that is one, relative to the mean edge of the cortex
 _SHORTEST = 0.5
@@ -77,7 +79,13 @@ class Layers(NamedTuple):
 
 
 def require_layers(surface: TriSurface) -> None:
-    """Raise InputError unless an inner surface `white` lies in the cortex, with no other surface between."""
+    """Raise InputError unless an inner surface `white` lies in the cortex, with no other surface between.
+
+    A field that layers would replace is refused, too.
+    """
+    if taken := sorted({*surface.point_data} & {*UNITS, NUMBER}):
+        what = f"the surface has a field {taken[0]}, which layers would replace"
+        raise InputError(what, remedy="give the field another name, or omit the layers")
     names = region_names(surface.inner)
     where = names[parents(surface)[names.index(WHITE)]] if WHITE in names else None
     if where is None or not is_brain(where):

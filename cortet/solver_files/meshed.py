@@ -57,7 +57,8 @@ def certificate_path(mesh: Path) -> Path:
 
 def cell_size_of(mesh: Path) -> float | None:
     """Cell size, mm, that the certificate beside a mesh records, of a command or of the workflow; None without one."""
-    size: float | None = parameters_of(mesh).get("generate", {}).get("cell_size")
+    stages = parameters_of(mesh)
+    size: float | None = stages.get("generate", stages.get("certify", {})).get("cell_size")
     return size
 
 

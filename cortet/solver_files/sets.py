@@ -23,13 +23,11 @@ from cortet.formats.tags import TOO_LARGE, region_numbers
 from cortet.formats.tags import regions as regions_of
 from cortet.geometry.closest_point import closer_than, closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, interfaces
-from cortet.measure.layers import bounds_of, cortex_and_white, cortical_layers
+from cortet.measure.layers import NUMBER, bounds_of, cortex_and_white, cortical_layers
 from cortet.meshes import AROUND, BRAIN, REGION, IntArray, MeshSets, TetMesh, is_brain, region_names
 
 #: names of the sets of layers begin so
 LAYER = "layer_"
-#: field of tetrahedra: number of the layer, 0 in none. Formats without sets of tetrahedra have it
-LAYER_NUMBER = "layer"
 #: some solvers refuse longer names
 _LONGEST_NAME = 80
 
@@ -134,9 +132,9 @@ def with_layers(mesh: TetMesh, inner: Sequence[str], layers: Sequence[float]) ->
     sets = {
         f"{LAYER}{number}": np.flatnonzero(found.number == number).astype(np.int32) for number in range(1, len(bounds))
     }
-    _require_free({**mesh.point_data, **mesh.cell_data}, [*found.of_cells, LAYER_NUMBER], "field")
+    _require_free({**mesh.point_data, **mesh.cell_data}, [*found.of_cells, NUMBER], "field")
     of_nodes = {**mesh.point_data, **found.of_nodes}
-    of_cells = {**mesh.cell_data, **found.of_cells, LAYER_NUMBER: found.number}
+    of_cells = {**mesh.cell_data, **found.of_cells, NUMBER: found.number}
     return replace(mesh, point_data=of_nodes, cell_data=of_cells), sets
 
 

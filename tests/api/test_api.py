@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import errno
+import json
 import os
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +67,8 @@ def test_certify_takes_the_cell_size_that_a_mesh_was_made_with(tmp_path):
     assert scaled and None not in scaled.values()
     assert limits(cortet.certify(made, made.surface)) == scaled
     assert limits(cortet.certify(tmp_path / "x.vtu", made.surface)) == scaled
+    (tmp_path / "x.certificate.json").write_text(json.dumps(asdict(cortet.certify(tmp_path / "x.vtu"))))
+    assert limits(cortet.certify(tmp_path / "x.vtu", made.surface)) == scaled, "checked again, it keeps its limits"
     of_workflow = (tmp_path / "x.vtu").rename(tmp_path / "sub-a_desc-latticeSolver_tetmesh.vtu")
     (tmp_path / "x.certificate.json").rename(tmp_path / "sub-a_desc-latticeSolver_certificate.json")
     assert limits(cortet.certify(of_workflow, made.surface)) == scaled

@@ -21,7 +21,7 @@ def shrunk(one: TriSurface, factor: float) -> TriSurface:
 
 
 def test_cases_with_and_without_inner_surfaces(study):
-    study.config["export"] = {"formats": ["abaqus"]}
+    study.config["export"] = {"formats": ["abaqus"], "layers": 1}
     study.config["certify"] |= {"max_surface_distance": 1.0}
     inner = study.folder / "surfaces/b_white.surf.gii"
     without, case = study.cases()
@@ -47,3 +47,7 @@ def test_cases_with_and_without_inner_surfaces(study):
     assert {rule for rule, case in again if case == "sub-b"} >= {*of_inner, "generate", "solver_ready", "export"}
     assert ("gate", "sub-b") not in again
     assert not study.planned_jobs(STATUS)
+    study.run("participants")
+    pages = [study.files(f"sub-{name}_*_report.html")[0].read_text() for name in "ab"]
+    assert ["Layers of the cortex" in page for page in pages] == [False, True]
+    assert study.status()["sub-b_hemi-L"]["state"] == "certified"

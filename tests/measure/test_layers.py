@@ -106,7 +106,11 @@ def test_without_white_matter_directly_inside_the_cortex_there_are_no_layers():
     surfaces = nested(ball_surface(2, 23.0), {"deep": ball_surface(2, 21.0), "white": ball_surface(2, 20.0)})
     with pytest.raises(InputError, match="deep"):
         require_layers(surfaces)
-    require_layers(nested(ball_surface(2, 23.0), {"white": surfaces.inner["white"]}))
+    pair = nested(ball_surface(2, 23.0), {"white": surfaces.inner["white"]})
+    require_layers(pair)
+    for name in ("depth", "layer"):
+        with pytest.raises(InputError, match=name):
+            require_layers(replace(pair, point_data={name: np.ones(len(pair.points))}))
 
 
 def test_layers_replace_no_field_or_set_of_the_user():
@@ -116,7 +120,7 @@ def test_layers_replace_no_field_or_set_of_the_user():
     labelled = replace(mesh, cell_data={**mesh.cell_data, "layer": labels})
     with pytest.raises(InputError, match="field depth"):
         named_sets(of_nodes, inner=["white"], layers=[1, 1])
-    with pytest.raises(InputError, match="set layer_1"):
+    with pytest.raises(InputError, match="field layer"):
         named_sets(labelled, inner=["white"], layers=[1, 1], tissues=["layer"])
 
 
