@@ -32,8 +32,11 @@ def load(source: Path | str | Mapping[str, Any]) -> Config:
     try:
         return Config.model_validate(data)
     except ValidationError as error:
-        problems = [_complaint(problem, data) for problem in error.errors(include_url=False)]
-        raise InputError("; ".join(_joined(problems)), file=place) from None
+        found = error.errors(include_url=False)
+        what = "; ".join(_joined([_complaint(problem, data) for problem in found]))
+        is_unknown = any(problem["type"] == "extra_forbidden" for problem in found)
+        remedy = "CHANGELOG.md says what replaced a key that is gone" if is_unknown else None
+        raise InputError(what, file=place, remedy=remedy) from None
 
 
 def render(data: Mapping[str, Any]) -> str:
