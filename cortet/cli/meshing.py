@@ -178,7 +178,10 @@ def mesh(
         if made.origin.kind == "white" and not inner:
             print(WHITE_ALONE)
     else:
-        print(f"{output}: not written" + (", and the earlier file deleted: its mesh is another one" if existed else ""))
+        deleted = existed and not output.exists()
+        print(
+            f"{output}: not written" + ("; cortet deleted the earlier file, which held another mesh" if deleted else "")
+        )
     return 0 if certificate.certified else 1
 
 
