@@ -15,11 +15,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError, StageError
+from cortet.errors import InputError, StageError, place_mm
+from cortet.geometry.banks import banks
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.filling import require_body
 from cortet.geometry.intersection import self_intersections
-from cortet.geometry.topology import TRI_EDGES, edges, sheet
+from cortet.geometry.limits import LEAST_BANK_GAP
+from cortet.geometry.topology import TRI_EDGES, boundary_surface, edges, sheet
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
 
 #: corners at the ends of the six edges, in the order of VTK, Abaqus and FEBio
@@ -72,7 +74,7 @@ def quadratic(mesh: TetMesh, surface: TriSurface, *, max_boundary_distance: floa
     Raises
     ------
     InputError
-        tetrahedra are flat or inverted or fill no body, or nodes lie on another surface
+        tetrahedra are flat or inverted or fill no body, nodes lie on another surface, or banks almost touch
     StageError
         an element of the result is not valid
     """
@@ -80,6 +82,7 @@ def quadratic(mesh: TetMesh, surface: TriSurface, *, max_boundary_distance: floa
     walls = list(_walls(mesh, surface))
     if max_boundary_distance is not None:
         _require_on_surface(mesh, walls, max_boundary_distance)
+        _require_banks_apart(mesh, surface)
     ends = edges(mesh.cells)
     key = ends[:, 0].astype(np.int64) * len(mesh.points) + ends[:, 1]
 
@@ -170,6 +173,8 @@ def _require_sound(mesh: TetMesh) -> None:
 
 def _require_on_surface(mesh: TetMesh, walls: list[tuple[IntArray, TriSurface]], limit: float) -> None:
     """Raise InputError where nodes of the boundary or an interface are farther than `limit` mm from its surface."""
+    if not 0 < limit < np.inf:
+        raise InputError(f"max_boundary_distance = {limit:g} is not above 0", remedy="give a distance in mm")
     for faces, target in walls:
         distances = closest_points(tree_of(target), mesh.points[np.unique(faces)]).distances
         if off := np.count_nonzero(distances > limit):
@@ -179,6 +184,17 @@ def _require_on_surface(mesh: TetMesh, walls: list[tuple[IntArray, TriSurface]],
                 remedy="give the meshed surface, NAME.meshed.surf.gii, which `cortet mesh` writes next to the mesh; "
                 "smoothing can make it differ from the input surface",
             )
+
+
+def _require_banks_apart(mesh: TetMesh, surface: TriSurface) -> None:
+    """Raise InputError for a slit: the middles of both its banks would move onto the surface around it."""
+    found = banks(boundary_surface(mesh)[0], surface)
+    if found.least_share < LEAST_BANK_GAP:
+        raise InputError(
+            f"two banks of the boundary are {found.gap_mm:.3g} mm apart at {place_mm(found.place_mm)}, but those "
+            f"of the surface are at least {found.surface_gap_mm:.3g} mm apart",
+            remedy="mesh it again with a smaller cell size",
+        )
 
 
 def _walls(mesh: TetMesh, surface: TriSurface) -> Iterator[tuple[IntArray, TriSurface]]:

@@ -126,6 +126,9 @@ def test_another_surface_than_the_meshed_one_is_refused(ball):
     with pytest.raises(InputError, match="162 of 162 boundary nodes .* 0.00999 mm .*meshed.surf.gii"):
         quadratic(mesh, other)
     assert quadratic(mesh, other, max_boundary_distance=0.02).curved > 0
+    for none in (np.nan, -1.0, 0.0, np.inf):
+        with pytest.raises(InputError, match="is not above 0"):
+            quadratic(mesh, other, max_boundary_distance=none)
 
 
 def by_meshio(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
