@@ -176,7 +176,8 @@ def fold(
     place = Path(keeper.name if keeper else folder or "")
     if place.exists() and not place.is_dir():
         raise InputError("is a file", file=place, remedy="give the name of a folder")
-    home = _home(made, mesh, place, chosen, ga) if chosen.surfaces else None
+    # a mesh in memory has no file of its native surface: its frames at these weeks are all that is written
+    home = _home(Path(made), mesh, place, chosen, ga) if chosen.surfaces and isinstance(made, str | Path) else None
     values = {**chosen.values(), "gestational_age": ga, "hemisphere": hemi}
     speak = progress if callable(progress) else per_percent(say)
     regions = (*values["core_regions"], *values["region_stiffness"], *values["region_relaxation"])
@@ -195,16 +196,13 @@ def fold(
 
 
 def _home(
-    made: Any, mesh: TetMesh, folder: Path, settings: Fold, ga: float
+    made: Path, mesh: TetMesh, folder: Path, settings: Fold, ga: float
 ) -> tuple[SurfaceMap, Path, dict[float, dict[str, Path]]]:
     """The map from a mesh to its native surface, the file of that, and week -> files of the folded surface."""
     from cortet.folding.measures import surface_files, weeks_of
     from cortet.formats.gifti import kind_of
     from cortet.solver_files.surface_map import map_of_file
 
-    if not isinstance(made, str | Path):
-        what = "fold.surfaces needs the file of a mesh, whose sidecar names the native surface"
-        raise InputError(what, remedy="save the mesh, and fold the file")
     weeks = weeks_of(settings.surfaces, ga, settings.end)
     if missed := sorted({*settings.surfaces} - {*weeks}):
         raise InputError(
@@ -212,8 +210,8 @@ def _home(
             file=made,
             remedy="name weeks between them in fold.surfaces, or another fold.end",
         )
-    found, like, _ = map_of_file(Path(made), mesh)
-    files = {week: surface_files(folder, Path(made).stem, week, kind_of(like)) for week in weeks}
+    found, like, _ = map_of_file(made, mesh)
+    files = {week: surface_files(folder, made.stem, week, kind_of(like)) for week in weeks}
     for path in [path for some in files.values() for path in some.values()]:
         may_write(path)  # before the work
     return found, like, files
