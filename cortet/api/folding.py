@@ -133,7 +133,7 @@ def fold(
     ga : gestational age of the mesh, weeks; None: the age given when it was made, which the sidecar of a file records
     hemi : "L" or "R" for half a brain; None: that of the mesh, or of its sidecar
     folder : gets table and frames, and a run that was killed continues there; None: one that is deleted with the result
-    settings : keys of the section `fold`: end, thickness, model, ...; `surfaces` only for the file of a mesh
+    settings : keys of the section `fold`: end, thickness, model, ...; `surfaces` of a mesh in memory adds frames alone
 
     Returns
     -------
