@@ -20,7 +20,7 @@ from cortet.cohort.app import require_plain_python
 from cortet.cohort.bids import Places, descriptions, require_own_output
 from cortet.cohort.failures import made_otherwise
 from cortet.cohort.jobs import existing, existing_of
-from cortet.cohort.layout import EXPORTED, LABELS, SHARED, WILDCARDS, beside
+from cortet.cohort.layout import EXPORTED, LABELS, SHARED, WILDCARDS, beside, inner_of
 from cortet.cohort.lock import require_free
 from cortet.cohort.resources import cost
 from cortet.cohort.user_files import content
@@ -54,16 +54,14 @@ except CortetError as error:
     raise WorkflowError(str(error)) from None
 DEFAULTS = keys_not_given(config, GIVEN) if "sheet" in GIVEN.get("cohort", {}) else []
 if DEFAULTS:
-    logger.warning(
-        f"from config.yaml in {Path.cwd()}, since your own configuration does not say: {'; '.join(DEFAULTS)}"
-    )
+    logger.warning(f"config.yaml in {Path.cwd()} sets keys that your own configuration does not: {'; '.join(DEFAULTS)}")
 for notice in [*notices(CONFIG), *PLAN.notices(), *(PLAN.edited_exports() if workflow.is_main_process else [])]:
     logger.warning(notice)
 
 if workflow.is_main_process and (others := made_otherwise(PLAN)):
     logger.warning(
-        f"meshes of other settings, or of other surfaces, than the present ones: {sum(others.values())}. "
-        f"If this run does not make them again, `snakemake --forcerun {' '.join(others)}` does"
+        f"meshes with other settings or surfaces than the present ones: {sum(others.values())}. "
+        f"To remake those that this run does not: `snakemake --forcerun {' '.join(others)}`"
     )
 
 FOLDS = Folds(PLAN)
@@ -72,11 +70,11 @@ OUT = LAYOUT.output
 # what BIDS URIs begin with
 RAW = str(CONFIG.cohort.dataset or CONFIG.cohort.sheet.parent)
 
-# names of wildcards of the jobs on a surface, on an inner one, and on a mesh
-SURFACE = ("folder", "case")
-INNER = (*SURFACE, "inner")
-MESH = (*SURFACE, "res", "mesher", "setting")
-SHARED_MESH = (*SURFACE, "res", "mesher")
+# names of wildcards of the jobs on a case, on one of its surfaces, and on a mesh
+CASE = ("folder", "case")
+SURFACE = (*CASE, "region")
+MESH = (*CASE, "res", "mesher", "setting")
+SHARED_MESH = (*CASE, "res", "mesher")
 #: rules over all cases that this run asks for
 ASKED = set()
 #: names of files that Snakemake's report shows -> captions in reports/
@@ -105,9 +103,9 @@ def intermediate(files):
     return files if CONFIG.keep_intermediates else temp(files)
 
 
-def surface_of(stage, **of):
-    """Output of a stage that makes a surface; `inner=True` for an inner one."""
-    return {"surface": LAYOUT.surface(stage, **of), "report": LAYOUT.surface(stage, "white.json", **of)}
+def surface_of(stage):
+    """Output of a stage that takes each surface of a case by itself."""
+    return {"surface": LAYOUT.each_surface(stage), "report": LAYOUT.each_surface(stage, "white.json")}
 
 
 def mesh_of(stage):

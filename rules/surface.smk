@@ -7,9 +7,9 @@ rule phantom:
         surface=LAYOUT.surface("phantom"),
         sphere=LAYOUT.surface("phantom", "sphere.surf.gii"),
     log:
-        LAYOUT.log("phantom", SURFACE),
+        LAYOUT.log("phantom", CASE),
     benchmark:
-        took("phantom", SURFACE)
+        took("phantom", CASE)
     resources:
         **asked("phantom"),
     params:
@@ -24,11 +24,13 @@ rule phantom_inner:
     input:
         surface=LAYOUT.surface("phantom"),
     output:
-        surface=LAYOUT.surface("phantom", inner=True),
+        surface=LAYOUT.each_surface("phantom"),
     log:
-        LAYOUT.log("phantom_inner", INNER),
+        LAYOUT.log("phantom_inner", SURFACE),
     benchmark:
-        took("phantom_inner", INNER)
+        took("phantom_inner", SURFACE)
+    wildcard_constraints:
+        region="_inner-white",
     resources:
         **asked("phantom_inner"),
     params:
@@ -48,9 +50,9 @@ rule fields:
     output:
         surface=LAYOUT.surface("fields"),
     log:
-        LAYOUT.log("fields", SURFACE),
+        LAYOUT.log("fields", CASE),
     benchmark:
-        took("fields", SURFACE)
+        took("fields", CASE)
     resources:
         **asked("fields"),
     params:
@@ -90,26 +92,13 @@ rule resample:
         "../scripts/resample.py"
 
 
-use rule resample as resample_inner with:
-    input:
-        surface=PLAN.inner_source,
-        sphere=PLAN.sphere,
-        template=PLAN.template,
-    output:
-        **surface_of("resampled", inner=True),
-    log:
-        LAYOUT.log("resample_inner", INNER),
-    benchmark:
-        took("resample_inner", INNER)
-
-
 rule gate:
     """Repair a surface where there is one right answer, and let it in if it can be meshed; refuse any other."""
     input:
         surface=PLAN.first_surface,
     output:
         **surface_of("gated"),
-        repair=LAYOUT.surface("repaired", "white.json") if CONFIG.enabled("repair") else [],
+        repair=LAYOUT.each_surface("repaired", "white.json") if CONFIG.enabled("repair") else [],
     log:
         LAYOUT.log("gate", SURFACE),
     benchmark:
@@ -126,22 +115,10 @@ rule gate:
         "../scripts/gate.py"
 
 
-use rule gate as gate_inner with:
-    input:
-        surface=PLAN.first_surface,
-    output:
-        **surface_of("gated", inner=True),
-        repair=LAYOUT.surface("repaired", "white.json", inner=True) if CONFIG.enabled("repair") else [],
-    log:
-        LAYOUT.log("gate_inner", INNER),
-    benchmark:
-        took("gate_inner", INNER)
-
-
 rule smooth_surface:
     """Smooth a surface as much as it asks for and its limits allow."""
     input:
-        surface=LAYOUT.surface("gated"),
+        surface=LAYOUT.each_surface("gated"),
     output:
         **surface_of("smoothed"),
     log:
@@ -156,31 +133,22 @@ rule smooth_surface:
         "../scripts/smooth_surface.py"
 
 
-use rule smooth_surface as smooth_surface_inner with:
-    input:
-        surface=LAYOUT.surface("gated", inner=True),
-    output:
-        **surface_of("smoothed", inner=True),
-    log:
-        LAYOUT.log("smooth_surface_inner", INNER),
-    benchmark:
-        took("smooth_surface_inner", INNER)
-
-
 rule separate:
     """Move inner surfaces away from the one around them; the output is one of them, the report is about all."""
     input:
         surface=PLAN.meshed_surface,
         inner=PLAN.inner_before_separating,
     output:
-        **surface_of("separated", inner=True, res="{res}um"),
+        surface=LAYOUT.separated(),
+        report=LAYOUT.separated("white.json"),
     log:
-        LAYOUT.log("separate", (*INNER, "res")),
+        LAYOUT.log("separate", (*SURFACE, "res")),
     benchmark:
-        took("separate", (*INNER, "res"))
+        took("separate", (*SURFACE, "res"))
     resources:
         **asked("separate"),
     params:
         **stage_params("separate"),
+        inner=inner_of,
     script:
         "../scripts/separate.py"

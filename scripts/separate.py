@@ -11,5 +11,5 @@ from cortet.formats.atomic import write_json
 from cortet.stages import STAGES
 
 surface, report = STAGES["separate"].run(gifti.read_nested(job.input.surface, job.input.inner), **job.arguments)
-gifti.write_surface(surface.inner[job.wildcards.inner], job.output.surface)
+gifti.write_surface(surface.inner[job.params.inner], job.output.surface)
 write_json(job.record(asdict(report)), job.output.report)

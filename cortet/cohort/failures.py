@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from cortet.cohort.jobs import Mesh
-from cortet.cohort.layout import EXPORTED
+from cortet.cohort.layout import EXPORTED, inner_of
 from cortet.cohort.outdated import certificates_of, earlier_results, first_other_stage
 from cortet.cohort.plan import AFTER_CERTIFICATE, Plan
 from cortet.cohort.selection import folded
@@ -24,7 +24,7 @@ from cortet.stages import STAGES
 #: rules on a case, in the order in which a case goes through them
 ORDER = (
     *("phantom", "phantom_inner", "fields"),
-    *(f"{name}{of}" for name, stage in STAGES.items() for of in ("", "_inner") if of == "" or stage.gives == "surface"),
+    *STAGES,
     *AFTER_CERTIFICATE,
 )
 #: what to do about a job that left no word
@@ -133,7 +133,7 @@ def _counts(plan: Plan, job: Mapping[str, str], certificate: Path, failure: Fail
         return False  # it is the certificate that has to be made again
     if rule not in AFTER_CERTIFICATE and certificate.exists() and failure.time < certificate.stat().st_mtime:
         return False  # the mesh has been made since
-    stage = STAGES.get(rule.removesuffix("_inner"))
+    stage, inner = STAGES.get(rule), inner_of(wildcards)
     of_variant = wildcards.get("variant", "").lower() in ("", *plan.config.fold.variants)
     is_folded = of_variant and case in folded(list(plan.cases.values()), plan.config.fold.cases)
     asked = {
@@ -144,8 +144,7 @@ def _counts(plan: Plan, job: Mapping[str, str], certificate: Path, failure: Fail
         "fields": bool(case.fields),
         **dict.fromkeys(("fold", "fold_figures", "folded_surface"), is_folded),
     }
-    region = wildcards.get("inner")
-    return asked.get(rule, True) and (stage is None or stage in plan.line(job)) and (not region or region in case.inner)
+    return asked.get(rule, True) and (stage is None or stage in plan.line(job)) and (not inner or inner in case.inner)
 
 
 def why_missing(plan: Plan, path: str, rule: str, job: Mapping[str, object]) -> str | None:

@@ -13,7 +13,7 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
-from cortet.cohort.layout import LABELS, SHARED, Layout, filled
+from cortet.cohort.layout import LABELS, SHARED, Layout, filled, inner_of, region_wildcard
 from cortet.cohort.resources import cost, expected_tets, expected_volume_ml, memory_to_ask_mb, minutes_to_ask
 from cortet.cohort.sheet import PHANTOM, Case
 from cortet.cohort.user_files import content
@@ -178,7 +178,7 @@ class Jobs:
 
     def arguments(self, stage: str, job: Job) -> dict[str, Any]:
         """Keyword arguments of a stage, but for `locations`; with its VERSION they decide whether it runs again."""
-        inside = {"inside": True} if STAGES[stage].takes_inside and job.get("inner") else {}
+        inside = {"inside": True} if STAGES[stage].takes_inside and inner_of(job) else {}
         return without_locations(self._arguments(stage, job)) | inside
 
     def locations(self, stage: str, job: Job) -> dict[str, Any]:
@@ -215,8 +215,7 @@ class Jobs:
 
     def source(self, job: Job) -> str:
         """The user's file of the surface that a job is about."""
-        case = self.case(job)
-        return str(case.inner.get(job["inner"]) if job.get("inner") else case.surface)
+        return str(self._given_surface(job))
 
     # --- the user's files ----------------------------------------------------------------------------------------
 
@@ -228,7 +227,7 @@ class Jobs:
         case = self.case(job)
         named: dict[str, Any] = {"surface": case.surface} | {f"inner_{name}": path for name, path in case.inner.items()}
         if not job.get("res"):
-            own = f"inner_{job['inner']}" if job.get("inner") else "surface"
+            own = f"inner_{inner_of(job)}" if inner_of(job) else "surface"
             named = {own: named[own]}
         if self.is_resampled(job):
             named |= {"sphere": case.sphere, "template": self._template(case)}
@@ -266,12 +265,12 @@ class Jobs:
     # --- what jobs read ------------------------------------------------------------------------------------------
 
     def surface(self, job: Job) -> str | list[str]:
-        """The surface of a case as it is given."""
-        return _given(self.case(job).surface, self.layout.surface("phantom"))
+        """The surface that a job is about as it is given."""
+        return _given(self._given_surface(job), filled(self.layout.each_surface("phantom"), job))
 
-    def inner_source(self, job: Job) -> str | list[str]:
-        """One inner surface of a case as it is given."""
-        return _given(self.case(job).inner.get(job["inner"]), self.layout.surface("phantom", inner=True))
+    def _given_surface(self, job: Job) -> Path | str | None:
+        case, inner = self.case(job), inner_of(job)
+        return case.inner.get(inner) if inner else case.surface
 
     def sphere(self, job: Job) -> str | list[str]:
         """The sphere of a case that is resampled; empty for other cases, and if the file is missing."""
@@ -288,10 +287,9 @@ class Jobs:
 
     def first_surface(self, job: Job) -> str | list[str]:
         """The first surface of the line, for the region of the job; on the common mesh if the case has a sphere."""
-        inner = bool(job.get("inner"))
         if self.is_resampled(job):
-            return self.layout.surface(STAGES["resample"].label, inner=inner)
-        return self.inner_source(job) if inner else self.surface(job)
+            return self.layout.each_surface(STAGES["resample"].label)
+        return self.surface(job)
 
     def mesh_with_volumes(self, job: Job) -> str:
         """The mesh at the end of the line, with what its volumes hold if the case has some."""
@@ -314,14 +312,14 @@ class Jobs:
 
     def inner_surfaces(self, job: Job) -> list[str]:
         """The inner surfaces of a case as S1 meshes them."""
-        return self._inner(self.layout.separated, job)
+        return self._inner(self.layout.separated(), job)
 
     def inner_before_separating(self, job: Job) -> list[str]:
         """The inner surfaces of a case as they are before `separate`."""
-        return self._inner(self.layout.surface(self._last_of_surface(job), inner=True), job)
+        return self._inner(self.layout.each_surface(self._last_of_surface(job)), job)
 
     def _inner(self, pattern: str, job: Job) -> list[str]:
-        return [filled(pattern, job, inner=name) for name in self.case(job).inner]
+        return [filled(pattern, job, region=region_wildcard(name)) for name in self.case(job).inner]
 
     def _last_of_surface(self, job: Job) -> str:
         """Label of the last stage that changes the surface of a case, or each of its inner ones, by itself."""
@@ -340,17 +338,17 @@ class Jobs:
 
         def report(stage: Stage) -> str:
             if stage.nested:
-                return self.layout.surface(stage.label, "white.json", inner=True, res="{res}um")
+                return self.layout.separated("white.json")
             if stage.gives == "surface":
                 return self.layout.surface(stage.label, "white.json")
             return self.layout.mesh(stage.label, "tetmesh.json")
 
         first = next(iter(self.case(job).inner), "")  # each report of `separate` is about all inner surfaces
-        return {stage.name: filled(report(stage), job, inner=first) for stage in self.line(job)}
+        return {stage.name: filled(report(stage), job, region=region_wildcard(first)) for stage in self.line(job)}
 
     def inner_reports(self, stage: str, job: Job) -> list[str]:
         """A stage's reports on the inner surfaces; empty if it does not run."""
-        pattern = self.layout.surface(STAGES[stage].label, "white.json", inner=True)
+        pattern = self.layout.each_surface(STAGES[stage].label, "white.json")
         return self._inner(pattern, job) if STAGES[stage] in self.line(job) else []
 
     def space(self, job: Job) -> str:
@@ -362,7 +360,7 @@ class Jobs:
         """Origin of the record that a job writes; `label` is that of the stage that made the mesh or surface."""
         if job.get("mesher"):
             return self.origin_of_mesh(label, job["case"], int(job["res"]), job["mesher"], job.get("setting", ""))
-        inner = {"inner": job["inner"]} if job.get("inner") else {}
+        inner = {"inner": inner_of(job)} if inner_of(job) else {}
         return {"case": job["case"], "stage": label, **inner}
 
     def origin_of_mesh(self, label: str, case: str, res: int, mesher: str, setting: str = "") -> dict[str, Any]:

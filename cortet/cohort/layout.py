@@ -1,8 +1,8 @@
 """Names of the files of an output folder, BIDS-derivative style.
 
 A pattern is a name with Snakemake's wildcards: `folder` and `case` of the sheet, `res` (cell size in µm), `mesher`,
-`setting` (empty for the line's own), `inner` (region of an inner surface), `variant` (of a fold), `week` (of a folded
-cortex), `suffix`.
+`setting` (empty for the line's own), `region` (`_inner-NAME` for an inner surface, else empty), `variant` (of a fold),
+`week` (of a folded cortex), `suffix`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 from cortet.cohort.sheet import Case
 from cortet.formats import FORMATS, Format
 from cortet.geometry.limits import NAME
-from cortet.stages import MESH_STAGES, STAGES
+from cortet.stages import MESH_STAGES
 
 #: stage -> label of its result in the names of meshes
 LABELS = {name: stage.label for name, stage in MESH_STAGES.items()}
@@ -37,7 +37,7 @@ WILDCARDS = {
     "folder": r"sub-[A-Za-z0-9]+(/ses-[A-Za-z0-9]+)?",
     "case": r"sub-[A-Za-z0-9]+(_ses-[A-Za-z0-9]+)?(_hemi-[LR])?",
     "res": r"[1-9][0-9]*",
-    "inner": NAME,
+    "region": f"(_inner-{NAME})?",
     "mesher": r"[a-z0-9]+",
 }
 
@@ -48,15 +48,18 @@ class Layout:
 
     output: str
 
-    def bids(self, suffix: str, datatype: str, **entities: str) -> str:
-        """Pattern of a file of a case: OUT/{folder}/DATATYPE/{case}_KEY-VALUE..._SUFFIX."""
-        name = "_".join(["{case}", *(f"{key}-{value}" for key, value in entities.items()), suffix])
+    def bids(self, suffix: str, datatype: str, *, whose: str = "{case}", **entities: str) -> str:
+        """Pattern of a file of a case: OUT/{folder}/DATATYPE/WHOSE_KEY-VALUE..._SUFFIX."""
+        name = "_".join([whose, *(f"{key}-{value}" for key, value in entities.items()), suffix])
         return f"{self.output}/{{folder}}/{datatype}/{name}"
 
-    def surface(self, desc: str, suffix: str = "white.surf.gii", *, inner: bool = False, **entities: str) -> str:
-        """Pattern of a file of a surface; the name of an inner surface's file tells the region inside it."""
-        region = {"inner": "{inner}"} if inner else {}
-        return self.bids(suffix, "anat", **entities, **region, desc=desc)
+    def surface(self, desc: str, suffix: str = "white.surf.gii") -> str:
+        """Pattern of a file of the surface of a case."""
+        return self.bids(suffix, "anat", desc=desc)
+
+    def each_surface(self, desc: str, suffix: str = "white.surf.gii") -> str:
+        """Pattern of a file of any surface of a case; that of an inner surface names the region inside it."""
+        return self.bids(suffix, "anat", whose="{case}{region}", desc=desc)
 
     def mesh(self, desc: str, suffix: str = "tetmesh.vtu") -> str:
         """Pattern of a file of a stage's mesh: its name tells mesher, setting where it matters, and stage."""
@@ -87,10 +90,9 @@ class Layout:
         """The page of all cases."""
         return self.cohort("index.html")
 
-    @property
-    def separated(self) -> str:
-        """Pattern of an inner surface as S1 meshes it: it depends on the cell size."""
-        return self.surface(STAGES["separate"].label, inner=True, res="{res}um")
+    def separated(self, suffix: str = "white.surf.gii") -> str:
+        """Pattern of a file of an inner surface as S1 meshes it: it depends on the cell size."""
+        return self.bids(suffix, "anat", whose="{case}_res-{res}um{region}", desc="separated")
 
     def solver_files(self, formats: Iterable[str], ten_nodes: Iterable[str] = ()) -> list[str]:
         """Patterns of the files for solvers, with elements of four nodes and of ten."""
@@ -112,10 +114,11 @@ class Layout:
         """
         found = set(wildcards)
         name = "{folder}/{case}" if "case" in found else ""
+        name += "{region}" if "region" in found else ""
         known = {
             "res": "res-{res}um",
             "mesher": f"desc-{{mesher}}{''.join(f'{{{key}}}' for key in ('setting', 'variant') if key in found)}",
-            **{key: f"{key}-{{{key}}}" for key in ("inner", "hemi", "reference", "week")},
+            **{key: f"{key}-{{{key}}}" for key in ("hemi", "reference", "week")},
             "suffix": "{suffix}",
         }
         parts = [name, *(text for key, text in known.items() if key in found)]
@@ -132,7 +135,17 @@ def file_of(pattern: str, case: Case, res: int, mesher: str, setting: str = "", 
 
 def filled(pattern: str, wildcards: Mapping[str, Any], **more: str) -> str:
     """The file of a pattern for the wildcards of a job."""
-    return pattern.format(**{"setting": "", **wildcards, **more})
+    return pattern.format(**{"setting": "", "region": "", **wildcards, **more})
+
+
+def region_wildcard(inner: str) -> str:
+    """The wildcard `region` of a job on an inner surface."""
+    return f"_inner-{inner}"
+
+
+def inner_of(wildcards: Mapping[str, Any]) -> str:
+    """The inner surface that a job is about, by its region; empty for a job on the surface of the case."""
+    return str(wildcards.get("region", "")).removeprefix(region_wildcard(""))
 
 
 def beside(path: str | Path, page: str | Path) -> str:

@@ -88,14 +88,13 @@ def expected_tets(volume_ml: float, cell_size: float, mesher: str) -> float:
 
 
 def cost(rule: str, mesher: str | None = None) -> Cost:
-    """Cost of a rule; that of S1 depends on the mesher. An inner surface costs as much as an outer one."""
+    """Cost of a rule; that of S1 depends on the mesher."""
     if rule == "generate" and mesher == "lattice":
         return LATTICE
-    name = rule if rule in COSTS else rule.removesuffix("_inner")
-    if name not in COSTS:
+    if rule not in COSTS:
         remedy = "add it to COSTS in cortet/cohort/resources.py"
         raise InputError(f"the cost of rule `{rule}` is not known", remedy=remedy)
-    return COSTS[name]
+    return COSTS[rule]
 
 
 def memory_to_ask_mb(measured: float, attempt: int = 1) -> int:

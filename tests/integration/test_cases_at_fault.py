@@ -43,7 +43,7 @@ def test_a_fault_of_one_row_fails_its_case_alone(tmp_path):
     assert "other.surf.gii: is hemisphere R" in reason
     assert "correct the column hemi" in reason
     for name, stage, words in (
-        ("inner", "gate_inner", ["none.surf.gii: no such file"]),
+        ("inner", "gate", ["none.surf.gii: no such file"]),
         ("sphere", "resample", ["sphere.surf.gii: no such file", "column sphere of the cohort sheet"]),
         ("field", "fields", ["gone.shape.gii"]),
     ):

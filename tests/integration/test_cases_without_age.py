@@ -29,7 +29,7 @@ def test_a_case_without_an_age_runs_beside_one_with_an_age(tmp_path):
     study.config["fold"] = {}
     jobs = study.jobs_of_run(STATUS, "derivatives/cortet/cohort/cohort_quality.tsv")
     assert "smooth 1 of 2 cases" in study.said and "sub-b_hemi-L" in study.said
-    assert {case for rule, case in jobs if rule in ("smooth_surface", "smooth_surface_inner")} == {"sub-a"}
+    assert {case for rule, case in jobs if rule == "smooth_surface"} == {"sub-a"}
     assert {row["state"] for row in study.status().values()} == {"certified"}
     certificate = json.loads(study.files("sub-b*Solver_certificate.json")[0].read_text())
     assert "smooth_surface" not in certificate["parameters"]

@@ -76,7 +76,6 @@ def test_a_twin_whose_jobs_were_killed_has_the_same_bits_after_the_other_stages_
         write_surface(replace(egg, points=0.7 * egg.points), inner)
         write_surface(replace(egg, points=egg.points / np.linalg.norm(egg.points, axis=1)[:, None]), sphere)
     rules = {stage.name for stage in stages_of(load(study.config), nested=True, registered=True)} - {*JOBS, "repair"}
-    rules |= {"resample_inner", "gate_inner", "smooth_surface_inner"}
     plan = [*((rule, "sub-a") for rule in rules), ("fold", "")]
     folded = "derivatives/cortet/sub-{0}/simulation/sub-{0}_hemi-L_res-4000um_desc-latticeFolded/fold.tsv"
     targets = ["meshes", *map(folded.format, "ab")]
