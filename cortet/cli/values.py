@@ -57,7 +57,7 @@ def pairs(read: Callable[[str], tuple[Any, Any]], form: str, shown: str | None =
         found = [read(token.value) for token in tokens]
         names = [name for name, _ in found]
         if twice := next((name for name in names if names.count(name) > 1), None):
-            raise UsageError(f"{tokens[0].keyword} names {twice} twice", remedy=f"give each its own: {form}")
+            raise UsageError(f"{tokens[0].keyword} names {twice} twice", remedy=f"use two names: {form}")
         return found
 
     return Parameter(converter=read_all, n_tokens=1, metavar=shown or form)
@@ -85,7 +85,7 @@ def inner_file(text: str) -> tuple[str, str]:
     if not equals or "/" in name:  # the = is part of a path
         return "white", text
     if not (re.fullmatch(NAME, name) and file):
-        raise ValueError(f"{text!r} is not NAME=FILE, NAME of letters and digits")
+        raise ValueError(f"{text!r} is not NAME=FILE with a NAME of letters and digits")
     return name, file
 
 
@@ -131,7 +131,7 @@ def _depth(_: object, tokens: Sequence[Token]) -> Below:
     relative = text.endswith("%")
     first, *more = [Number(0, 1000 if relative else 100).read(one) for one in text.removesuffix("%").split(":")]
     if len(more) > 1 or first > (last := more[0] if more else first):
-        raise ValueError(f"{text!r} is not MM, or FROM:TO of a range, or either with % at the end")
+        raise ValueError(f"{text!r} must be MM or FROM:TO, with or without a final %")
     scale = 0.01 if relative else 1.0
     return Below(scale * first, scale * last, relative)
 

@@ -69,22 +69,22 @@ class _Table:
         values = {(number(text) or math.nan) * _WEEKS[self.unit.lower()] for text in texts}
         low, high = SCAN_AGES
         if len(values) == 1 and low <= (weeks := round(values.pop(), 2)) <= high:
-            return weeks, f"ages are from {self._heading}"
+            return weeks, f"ages read from {self._heading}"
         return None, (
-            f"age not read: {' and '.join(texts)} in {self._heading} is not a gestational age from {low:g} to "
-            f"{high:g} weeks (give one number, and its unit in the sidecar, as Units: weeks or days)"
+            f"age not read: {' and '.join(texts)} in {self._heading} must be one gestational age from {low:g} to "
+            f"{high:g} weeks (its unit is stated in the sidecar, as Units: weeks or days)"
         )
 
     @property
     def _heading(self) -> str:
         """The column of the ages and their unit, in words."""
-        unit = f"{self.unit}, as its sidecar says" if self.unit else "weeks"
-        return f"column {self.column} of {self.name}, in {unit}"
+        unit = f"{self.unit}, according to its sidecar" if self.unit else "weeks"
+        return f"column {self.column} of {self.name} ({unit})"
 
     @property
     def _from_birth(self) -> str:
         return (
-            f"ages not read: column {_FROM_BIRTH} of {self.name} counts from birth in BIDS (if its ages are "
+            f"ages not read: in BIDS, column {_FROM_BIRTH} of {self.name} counts from birth (if its ages are "
             "gestational, name the column in cohort.scan.age_columns)"
         )
 

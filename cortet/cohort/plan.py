@@ -34,14 +34,13 @@ class Plan(Jobs):
 
     def edited_exports(self) -> list[str]:
         """What was changed or deleted of the files for solvers since cortet wrote them, in sentences."""
-        again = "is remade if you delete it"
         told = []
         for file in (path for mesh in self.meshes() for path in self.exports(mesh)):
             record = Path(f"{file}.json")
             gone = [name for name in files_of(record) if not (record.parent / name).is_file()]
-            told += [f"{record.parent / name} is missing: {file}, to which it belongs, {again}" for name in gone]
+            told += [f"{record.parent / name} is missing: delete {file} and cortet remakes both" for name in gone]
             changed = [] if gone else changed_of(record)
-            told += [f"{path} was changed after cortet wrote it: it {again}" for path in changed]
+            told += [f"{path} was changed after cortet wrote it: delete it and cortet remakes it" for path in changed]
         return told
 
     # --- what failed, and what is over all cases -----------------------------------------------------------------

@@ -133,7 +133,7 @@ def _none_found(directory: Path, patterns: Scan, pials: Sequence[Path]) -> Input
     remedy = f"check the folder, or set cohort.scan.surfaces; cortet looked for {first}{more}"
     if pials:
         what = f"no white surfaces found, only {len(pials)} pial surfaces, for example {pials[0]}"
-        remedy = "add white surfaces; or name pial surfaces in cohort.scan.surfaces, to mesh without white matter"
+        remedy = "add white surfaces; or name pial surfaces in cohort.scan.surfaces, to mesh in one region"
     return InputError(what, file=directory, remedy=remedy)
 
 

@@ -35,7 +35,7 @@ def load(source: Path | str | Mapping[str, Any]) -> Config:
         found = error.errors(include_url=False)
         what = "; ".join(_joined([_complaint(problem, data) for problem in found]))
         is_unknown = any(problem["type"] == "extra_forbidden" for problem in found)
-        remedy = "CHANGELOG.md says what replaced a key that is gone" if is_unknown else None
+        remedy = "CHANGELOG.md says what replaced a removed key" if is_unknown else None
         raise InputError(what, file=place, remedy=remedy) from None
 
 

@@ -150,9 +150,8 @@ class Fold(Section):
         own = self.model_dump(include=Fold.model_fields.keys() - self.choices)
         for name, changed in self.variants.items():
             if not changed or self.choices & set(changed):
-                raise ValueError(
-                    f"variant {name} must contain keys of fold, except cases, variants, real_surfaces and picture"
-                )
+                others = "cases, variants, real_surfaces or picture"
+                raise ValueError(f"variant {name} must set keys of fold, but not {others}")
             try:
                 Fold(**{**own, **changed})
             except ValidationError as error:

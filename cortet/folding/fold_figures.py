@@ -280,7 +280,7 @@ def _beside(ages: list[float], hemisphere: str | None, real: Mapping[float, Path
         if abs(ages[number] - age) > _ALIKE:
             logger.warning("%s is not drawn: the run has no frame of %g weeks", path, age)
         elif named not in (None, hemisphere):
-            logger.warning("%s is not drawn: it says that it is of hemisphere %s", path, named)
+            logger.warning("%s is not drawn: its metadata say hemisphere %s", path, named)
         elif number in found and abs(ages[number] - found[number]) <= abs(ages[number] - age):
             logger.warning("%s is not drawn: another surface is nearer to the same frame", path)
         else:

@@ -36,8 +36,7 @@ def check_age(gestational_age: float) -> None:
     youngest, oldest = FOLD_AGES
     if not youngest <= gestational_age <= oldest:
         raise InputError(
-            f"{gestational_age:g} is not a gestational age to fold at: the model of growth holds from {youngest:g} to "
-            f"{oldest:g} weeks",
+            f"cannot fold at {gestational_age:g} weeks: the growth model covers {youngest:g} to {oldest:g} weeks",
             remedy="give the gestational age of the mesh in weeks",
         )
 

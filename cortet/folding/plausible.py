@@ -159,9 +159,9 @@ def _side(mesh: TetMesh, hemisphere: str) -> list[str]:
         f"the mesh is {_SIDES[best]} ({flat[best]:.1%} of the surface, {flat[said]:.1%} at {_SIDES[said]})"
     )
     remedy = (
-        f"use --hemi {other} (in a sheet: hemi) if it is that side, or turn LPS coordinates to RAS"
+        f"use --hemi {other} (in a sheet: hemi) if it is that side, or convert LPS coordinates to RAS"
         if opposite
-        else "turn the mesh to RAS coordinates: x to the right, y to the front, z up"
+        else "convert the mesh to RAS coordinates: x to the right, y to the front, z up"
     )
     across = -said[1] * mesh.points[:, 0]  # above 0 on the side of the midline x = 0 where this half should be
     elsewhere = opposite and across.max() < _REACH * np.ptp(across)
@@ -208,7 +208,7 @@ def brain_of(mesh: Path, age: float | None, hemisphere: Literal["L", "R"] | None
 def require_same_brain(given: Brain, made: Brain, *, file: Path | None = None) -> None:
     """Raise InputError if age or hemisphere differ from those that a mesh, which may come from a file, was made for."""
     (age, hemisphere), (known, side) = given, made
-    mesh, says = ("", ", as its sidecar says") if file else ("the mesh ", "")
+    mesh, says = ("", " according to its sidecar") if file else ("the mesh ", "")
     if age is not None and known is not None and abs(age - known) > _SAME_SCAN:
         raise InputError(
             f"{mesh}was made for a brain of {known:g} weeks{says}, not {age:g}",

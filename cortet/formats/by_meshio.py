@@ -70,7 +70,7 @@ def read(path: Path) -> TetMesh:
             faces = _faces(_read_xdmf(beside))
         kinds = {block.type for block in found.cells}
         if "tetra" not in kinds or kinds - _FLAT - {"tetra"}:
-            raise ValueError(f"it has no tetrahedra, or also other volume cells: {', '.join(sorted(kinds)) or 'none'}")
+            raise ValueError(f"it must have tetrahedra alone as volume cells: {', '.join(sorted(kinds)) or 'none'}")
     except InputError:
         raise
     except Exception as error:  # whatever meshio raises for a file that is damaged or holds something else
@@ -128,7 +128,7 @@ def _read_abaqus(path: Path) -> Any:
     of_blocks = re.findall(rb"^\*ELEMENT\b[^\n]*ELSET\s*=\s*([^,\s]+)", text, _LINES)
     if strange or len({*of_blocks}) < len(of_blocks):
         raise ValueError(
-            f"it is not a single part of plain nodes, elements and sets: {[*strange, 'blocks of one ELSET'][0]}"
+            f"cortet reads one part of nodes, elements and sets, not {[*strange, 'two blocks of one ELSET'][0]}"
         )
     found = _read_changed(_COMMENTS.sub(b"", text), path, meshio.abaqus.read)
     found.field_data = {name: [tag, 3] for name, tag in _named(text).items()}

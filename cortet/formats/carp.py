@@ -99,7 +99,9 @@ def _rows(path: Path, columns: int, dtype: Any, *, kind: bytes = b"", headed: bo
     with by_library("a complete CARP element file", path):
         rows = np.loadtxt(io.BytesIO(body.replace(kind, b"")), dtype, ndmin=2)
         if rows.shape != (int(head) if headed else len(rows), columns):
-            raise ValueError(f"{rows.shape[0]} rows of {rows.shape[1]} numbers, not {head.decode()} of {columns}")
+            raise ValueError(
+                f"it has {rows.shape[0]} rows of {rows.shape[1]} numbers, but needs {head.decode()} rows of {columns}"
+            )
     return rows
 
 

@@ -61,15 +61,17 @@ def of_gifti(systems: Sequence[System], about: Mapping[str, str], provenance: st
     _require_one_way(stated, path)
     frame = min(stated, key=lambda one: (not one.leads_to_scanner, not one.is_placed), default=CoordinateFrame())
     if len(stated) > 1:
-        named = ", ".join(f"{one.dataspace} to {one.xformspace}" for one in stated)
-        logger.warning("%s: states %s; cortet uses %s", path, named, f"{frame.dataspace} to {frame.xformspace}")
+        named = "; ".join(f"{one.dataspace} to {one.xformspace}" for one in stated)
+        used = f"{frame.dataspace} to {frame.xformspace}"
+        logger.warning("%s: has several coordinate systems (%s); cortet uses %s", path, named, used)
     if not frame.is_placed and (own := _of_volume(about, path)).is_placed:
         if frame.dataspace == _UNKNOWN and not _MOVED.search(provenance):
             logger.info("%s: cortet places it in scanner space by its VolGeom metadata", path)
             frame = own
         else:
-            why = f"its coordinates are in {frame.dataspace}, or Workbench has transformed them"
-            logger.warning("%s: cortet ignores the VolGeom metadata, as %s", path, why)
+            placed = frame.dataspace != _UNKNOWN
+            why = f"are in {frame.dataspace}" if placed else "were transformed by Workbench"
+            logger.warning("%s: cortet ignores the VolGeom metadata: the coordinates %s", path, why)
     _check(frame, path, "matrix")
     return frame
 
@@ -115,7 +117,7 @@ def _frame(system: System, path: str | Path) -> CoordinateFrame:
         whole = np.reshape(system.matrix, (4, 4))
         if not whole.any() or not all(name.startswith("NIFTI") for name in system[:2]):
             if not np.array_equal(whole, np.eye(4)):
-                logger.warning("%s: cortet ignores a matrix that is 0 or has unnamed spaces: %s", path, system)
+                logger.warning("%s: cortet ignores a system without matrix or named spaces: %s", path, system)
             return CoordinateFrame(dataspace, dataspace)
         if not (np.isfinite(whole).all() and np.allclose(whole[3], [0, 0, 0, 1], atol=1e-6)):
             raise ValueError("the matrix is not an affine")

@@ -43,7 +43,7 @@ class Values(NamedTuple):
 def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
     """Read a surface, of quadrangles two triangles each; if `finite` is false, its coordinates need not be finite."""
     check_file(path)
-    with warnings.catch_warnings(), by_library("a FreeSurfer surface, not packed", path):
+    with warnings.catch_warnings(), by_library("an uncompressed FreeSurfer surface", path):
         warnings.simplefilter("ignore")  # a file without a footer is complete
         points, faces, footer = read_geometry(str(path), read_metadata=True)  # type: ignore[no-untyped-call]
         frame = _frame(footer, path)
@@ -57,17 +57,17 @@ def read_values(path: Path) -> Values:
     """The values of a file such as `lh.thickness`, named by the end of its name: (n,) float32."""
     data = content(path)
     start = len(VALUES) + 12
-    with by_library("values of FreeSurfer", path):
+    with by_library("FreeSurfer values", path):
         vertices, _, columns = np.frombuffer(data, ">i4", 3, len(VALUES)).tolist()
         if columns != 1 or len(data) - start != 4 * vertices:
-            raise ValueError(f"{len(data) - start} bytes for {vertices} x {columns} values")
+            raise ValueError(f"{len(data) - start} bytes cannot hold {vertices} x {columns} values")
         return Values({_field_name(path): np.frombuffer(data, ">f4", vertices, start).astype(np.float32)}, {})
 
 
 def read_annotation(path: Path) -> Values:
     """The labels of a file such as `lh.aparc.annot`, by their place in its table, which leaves out no number."""
     check_file(path)
-    with by_library("an annotation of FreeSurfer, not packed", path):
+    with by_library("an uncompressed FreeSurfer annotation", path):
         of_vertex, table, names = read_annot(str(path), orig_ids=True)  # type: ignore[no-untyped-call]
         colours = table[:, 4]
         if len(names) != len(colours):
@@ -96,6 +96,6 @@ def _frame(footer: dict[str, Any], path: Path) -> CoordinateFrame:
             logger.warning("%s: its footer says `valid = %s`; cortet uses the coordinates unchanged", path, valid)
         return CoordinateFrame()
     if short := [name for name in (*_AXES, "cras") if np.size(footer.get(name, ())) != 3]:
-        raise ValueError(f"its footer lacks numbers of {short[0]}")
+        raise ValueError(f"its footer needs 3 values of {short[0]}")
     axes, centre = np.stack([footer[name] for name in _AXES], axis=1), footer["cras"]
     return frames.of_volume(axes, centre, path, "footer")

@@ -239,7 +239,7 @@ def _geometry(image: Any, intent: int, path: str | Path) -> Any:
     found = [array for array in image.darrays if array.intent == intent]
     if len(found) != 1 or found[0].data.ndim != 2 or found[0].data.shape[1] != 3 or not len(found[0].data):
         intended = intent_codes.niistring[intent]
-        what = f"contains {len(found)} arrays {intended}, but must contain exactly one, of shape (n, 3)"
+        what = f"needs one {intended} array of shape (n, 3), but has {[one.data.shape for one in found]}"
         raise DamagedFileError(what, file=path)
     return found[0]
 
@@ -279,7 +279,7 @@ def _read(path: Path) -> Any:
             raise ValueError("its XML has no <GIFTI>")
         for array in parser.img.darrays:
             if array.encoding == _ASCII and array.ind_ord == _BY_COLUMN:
-                raise ValueError("an array is text by columns")
+                raise ValueError("an array is ASCII in column-major order")
             if array.data is None or array.data.dtype.kind not in "iuf":
                 raise ValueError("an array holds no numbers")
             array.data = array.data.astype(array.data.dtype.newbyteorder("="))

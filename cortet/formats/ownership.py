@@ -111,7 +111,7 @@ def may_write(path: Path) -> None:
         raise InputError("is a folder, a device or a pipe", file=path, remedy="give the name of a file")
     if os.path.lexists(path) and not (guard.force or guard.owns(path) or is_ours(path)):
         raise InputError(
-            "exists, and cortet did not write it or it has changed since",
+            "exists, but is not a file of cortet, or was changed since",
             file=path,
             remedy="give another name, or add --force to replace it",
         )

@@ -82,6 +82,6 @@ def _faces(cells: IntArray, bits: NDArray[Any]) -> IntArray:
         or bits.min(initial=0) < 0
         or bits.max(initial=0) > 15
     ):
-        raise ValueError("a set of faces is not given by four bits of each tetrahedron")
+        raise ValueError("a set of faces needs an integer from 0 to 15 for each tetrahedron")
     owners, opposite = np.nonzero(bits[:, None] >> np.arange(4) & 1)
     return faces_of_sides(cells, owners.astype(np.int32), opposite.astype(np.int32))

@@ -56,7 +56,7 @@ def read(path: str | Path) -> TriSurface:
         else:
             count = int(np.frombuffer(data[_HEADER_BYTES:start], "<u4")[0])
             if len(data) != start + count * _TRIANGLE.itemsize:
-                raise ValueError(f"{len(data)} bytes for {count} triangles")
+                raise ValueError(f"{len(data)} bytes cannot hold {count} triangles")
             corners = np.frombuffer(data, _TRIANGLE, offset=start)["corners"].reshape(-1, 3)
     require_finite_points(corners, path)
     return merged(corners)

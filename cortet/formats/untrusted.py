@@ -1,4 +1,4 @@
-"""What every reader does: it takes the bytes of a file, unpacked, and checks what it made of them.
+"""What every reader does: it takes the decompressed bytes of a file, and checks what it made of them.
 
 Coordinates are finite, indices are in range, and an error names the file and the remedy. A file that is read becomes an
 input, which nothing writes over (`cortet.formats.ownership`).
@@ -52,13 +52,13 @@ def check_file(path: str | Path) -> None:
 
 
 def content(path: str | Path) -> bytes:
-    """All bytes of a file, unpacked from gzip. Raises InputError as `check_file`, or if they cannot be unpacked."""
+    """All bytes of a file, decompressed if gzipped. Raises InputError as `check_file`, or if they are damaged."""
     check_file(path)
     try:
         data = Path(path).read_bytes()
         return gzip.decompress(data) if data.startswith(GZIP) else data
     except (EOFError, gzip.BadGzipFile, zlib.error) as error:
-        raise DamagedFileError(f"cannot be unpacked: {error}", file=path) from error
+        raise DamagedFileError(f"cannot be decompressed: {error}", file=path) from error
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror}", file=path, remedy=_READABLE) from error
 

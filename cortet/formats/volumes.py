@@ -225,7 +225,7 @@ def _require_mm(image: Any, affine: FloatArray, path: str | Path) -> None:
     unit = image.header.get_xyzt_units()[0] if hasattr(image.header, "get_xyzt_units") else "mm"
     if unit in ("meter", "micron") or widths.min() < _NARROWEST or widths.max() > _WIDEST:
         size = " x ".join(f"{width:.3g}" for width in widths)
-        what = f"is not in mm but in metres or micrometres: its voxels are {size} wide, and its unit is {unit}"
+        what = f"may not be in mm: its voxels are {size} wide, and its header says {unit}"
         raise InputError(what, file=path, remedy="write it in mm, like the surface")
 
 
@@ -270,7 +270,7 @@ def _whole(values: NDArray[Any], path: str | Path) -> NDArray[np.int32]:
         values = whole
     large = values.min() < -(2**31) or values.max() >= 2**31
     if large or (np.ptp(values) > _MOST_LABELS and len(np.unique(values)) > _MOST_LABELS):
-        raise InputError(f"holds more than {_MOST_LABELS:,} labels, or one above 32 bits", file=path, remedy=remedy)
+        raise InputError(f"has more than {_MOST_LABELS:,} labels, or a label beyond 32 bits", file=path, remedy=remedy)
     return values.astype(np.int32)
 
 

@@ -12,7 +12,7 @@ from cortet.geometry.nesting import sheets
 from cortet.meshers._remesh import SHORTEST
 from cortet.meshes import FloatArray, TriSurface, region_names
 
-_REMEDY = "where finer cells are wanted, choose a smaller cell size"
+_REMEDY = "for finer cells, choose a smaller cell size"
 
 
 def require_sizes(sizes: Mapping[str, float], surface: TriSurface, cell_size: float) -> None:

@@ -61,7 +61,7 @@ def fill(surface: TriSurface, settings: Generate, facts: Facts) -> Filled:
             return Filled(mesh, tuple(attempts), "tetgen")
     remedy = "choose a smaller cell size, add a smaller generate.edge_length, or "
     raise StageError(
-        f"every boundary edge length failed ({settings.edge_length} h): {'; '.join(attempts[-1].problems)}",
+        f"no boundary edge length worked ({settings.edge_length} h): {'; '.join(attempts[-1].problems)}",
         remedy=remedy + ("take a larger regions.min_gap" if surface.inner else "smooth the surface there"),
     )
 

@@ -191,13 +191,13 @@ class BrokenSurface:
             where = in_mm(np.array([self._middle(piece == number) for number in large[:2]]))
             if walls := self._inside_the_first(piece, large):
                 raise InputError(
-                    f"{walls} of {len(large)} separate pieces lie inside the largest, like the walls of a ventricle; "
-                    f"the pieces have {shares} of the area, around {where}",
+                    f"{walls} of {len(large)} pieces lie inside the largest, such as the walls of a ventricle; "
+                    f"shares of the area: {shares}; centres: {where}",
                     remedy="give the outer surface alone, and the others as inner surfaces (--inner NAME=FILE)",
                 )
             raise InputError(
-                f"the surface has {len(large)} separate pieces with {shares} of the area, around {where}; cortet "
-                "cannot tell which one to mesh",
+                f"the surface has {len(large)} separate pieces, and cortet cannot tell which one to mesh; "
+                f"shares of the area: {shares}; centres: {where}",
                 remedy=f"keep one of the pieces, or raise repair.max_piece (now {self.limits.max_piece:g})",
             )
         if len(area) > 1:

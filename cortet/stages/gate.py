@@ -158,7 +158,7 @@ def require_size(extents: Sequence[float], volume: float, *, option: str = "gate
     units = [unit for unit, factor in UNITS.items() if EXTENT_MM[0] <= extent * factor <= EXTENT_MM[1]]
     named = f"if the coordinates are in {' or '.join(units)}, set the unit with {option}"
     raise InputError(
-        f"the surface is {extent:.4g} mm long and encloses {volume:.4g} mL; a brain or hemisphere has {usual}",
+        f"the surface is {extent:.4g} mm long and encloses {volume:.4g} mL; cortet accepts {usual}",
         remedy=named if units else "give coordinates in mm, not voxel indices",
     )
 

@@ -59,7 +59,7 @@ def relocate(mesh: TetMesh, settings: Relocate = Relocate()) -> tuple[TetMesh, R
     points = _relocated(mesh, settings.passes, fixed)
     points, share = back_off(mesh.points, points, mesh.cells)
     if backed_off := int((share < 1).sum()):
-        logger.warning("%d nodes around inverted tetrahedra were not moved all the way", backed_off)
+        logger.warning("%d nodes were moved only partly, to avoid inverted tetrahedra", backed_off)
 
     displacement = np.linalg.norm(points - mesh.points, axis=1)
     on_boundary = displacement[boundary_nodes(mesh)]

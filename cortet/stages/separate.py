@@ -136,8 +136,8 @@ def _require_inside(surface: TriSurface, container: TriSurface, *, name: str, ma
     if depth[worst] < -max_outside:
         raise InputError(
             f"the inner surface {name} lies up to {-depth[worst]:.2f} mm outside the surface around it, at "
-            f"{place_mm(surface.points[worst])}, {(depth < -max_outside).mean():.1%} of its vertices by more than "
-            f"{max_outside:g} mm",
+            f"{place_mm(surface.points[worst])}; {(depth < -max_outside).mean():.1%} of its vertices are more than "
+            f"{max_outside:g} mm outside",
             remedy="check that both surfaces are of the same subject and in the same space; if they are, raise "
             "regions.max_outside",
         )

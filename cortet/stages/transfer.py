@@ -104,7 +104,7 @@ def _warned_of_far(distances: FloatArray, nodes: str, surface: str) -> int:
     far = int((distances > FAR_MM).sum())
     if far:
         logger.warning(
-            "%d %s are more than %g mm from %s, at most %.2f mm: check that they belong together",
+            "%d %s are more than %g mm from %s (up to %.2f mm): check that mesh and surface match",
             far,
             nodes,
             FAR_MM,

@@ -241,7 +241,7 @@ def test_a_mesh_folds_from_the_age_it_was_made_at(made, tmp_path):
     saved = made.save(tmp_path / "made.inp")
     read = cortet.fold(saved, end=24.1, progress=False, **small)
     assert read.table["gestational_age"].iloc[0] == pytest.approx(24) and read.hemi == made.hemi
-    with pytest.raises(InputError, match="24 weeks, as its sidecar says, not 30"):
+    with pytest.raises(InputError, match="24 weeks according to its sidecar, not 30"):
         cortet.fold(saved, 30)
     of_another = tmp_path / "of_another.inp"
     of_another.write_text(saved.read_text() + "**\n")

@@ -57,7 +57,7 @@ def test_an_age_is_read_by_the_unit_of_the_dataset_or_the_reason_is_given(tmp_pa
         assert known == [None]
         assert "not read: " in said and f"column {column} of participants.tsv" in said and found in said
     else:
-        assert known == [found] and said.startswith(f"ages are from column {column} of participants.tsv, in ")
+        assert known == [found] and said.startswith(f"ages read from column {column} of participants.tsv (")
 
 
 def test_a_configuration_may_name_the_column_age_whose_unit_the_sidecar_still_states(tmp_path):

@@ -99,7 +99,7 @@ REFUSED: list[bytes] = [
 #: contents that are neither a surface nor values, and what they are
 NEITHER: list[tuple[bytes, str]] = [
     *((b"", "GIfTI"), (b"what is this", "GIfTI"), (b"<Other></Other>", "GIFTI")),
-    *((gzip.compress(b"what is this", mtime=0), "GIfTI"), (b"\x1f\x8b\x08\x00" + bytes(20), "unpacked")),
+    *((gzip.compress(b"what is this", mtime=0), "GIfTI"), (b"\x1f\x8b\x08\x00" + bytes(20), "decompressed")),
     *((NIFTI, "NIfTI"), (gzip.compress(NIFTI, mtime=0), "NIfTI")),
     (b'<?xml version="1.0"?>\n<VTKFile type="PolyData" version="1.0">', "VTK"),
     (b"version https://git-lfs.github.com/spec/v1\noid sha256:0\n", "LFS"),

@@ -56,7 +56,7 @@ def test_files_of_a_format_that_is_no_longer_asked_for_do_not_stay_beside_anothe
     study.config["export"] = {"formats": ["vtu", "abaqus"]}
     study.jobs_of_run("meshes")
     study.config |= {"export": {"formats": ["vtu"]}, "generate": {**study.config["generate"], "seed": 1}}
-    assert "meshes of other settings" in study.run("--dry-run", "meshes").stdout
+    assert "meshes with other settings" in study.run("--dry-run", "meshes").stdout
     study.jobs_of_run("meshes")
     study.jobs_of_run("--forcerun", "solver_ready", "--", "meshes")
     assert not study.files("sub-a/mesh/*.inp") and len(study.files("sub-a/mesh/*Solver_sets.vtu")) == 1

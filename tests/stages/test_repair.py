@@ -175,7 +175,7 @@ def dumbbell() -> TriSurface:
         (one_sided(), {}, "no inside"),
         (breakages.hole(ball(), 30.0), {"max_hole": 50.0}, "88.4 mm"),
         (breakages.hole(ball(), 30.0), {"max_hole": 88.3}, "88.4 mm"),
-        (shells(), {}, "2 of 3 separate pieces"),
+        (shells(), {}, "2 of 3 pieces"),
         (dumbbell(), {}, "triangles without area"),
         (TORUS, {}, "repair.max_loop"),
         (breakages.handle(ball(), 3), {"max_volume_change": 0.001}, "volume"),
