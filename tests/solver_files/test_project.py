@@ -126,7 +126,8 @@ def test_depth_is_one_or_a_range(mesh):
         assert np.abs(projected("r.vtu", "--depth", depth)["T"] - (1 - middle / RADIUS) * heights()).max() < 0.25
     for depth in ("5:1", "1:2:3", "-1", "deep"):
         assert project("r.vtu", "--mesh", "x.vtu", "--depth", depth, "-o", "r.func.gii") == 2
-    assert np.isnan(projected("r.vtu", "--depth", "99")["T"]).all()
+    assert project("r.vtu", "--mesh", "x.vtu", "--depth", "99", "-o", "none.func.gii") == 1
+    assert not Path("none.func.gii").exists()
 
 
 def series(mesh: TetMesh, path: str, times: Sequence[float] = (0.5, 1.0)) -> None:
