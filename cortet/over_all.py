@@ -273,7 +273,7 @@ def _update_states(plan: Plan, *, began: str = "") -> None:
 def cohort_page(plan: Plan) -> Results:
     """The page of a cohort and what it shows: the figure, means on the common mesh, and the folds."""
     tables, parts, maps = _tables(plan), folds_on_page(plan), _maps(plan)
-    figure = files_of(plan, "figure-cohort", ".svg", ".pdf", ".png")
+    figure = _figure(plan)
     of_parts = [path for part in parts for path in part.files]
 
     def inputs() -> list[str]:
@@ -309,6 +309,11 @@ def cohort_page(plan: Plan) -> Results:
     return Results(files, inputs, facts, write)
 
 
+def _figure(plan: Plan) -> list[str]:
+    """Files of the figure of a cohort."""
+    return files_of(plan, "figure-cohort", ".svg", ".pdf", ".png")
+
+
 def _limits(plan: Plan) -> dict[str, Any]:
     """The limit and the target of the worst q, which figures show."""
     return {"limit": plan.config.certify.q_max, "target": plan.config.target}
@@ -335,12 +340,12 @@ def _write_page(plan: Plan, *, began: str = "") -> None:
     began : when a run began that has not ended; empty if none runs
     """
     from cortet.report.cohort_page import write_cohort_page
-    from cortet.report.figures import cohort_figure, svg
     from cortet.report.pages import data_uri
 
     tables = {name: [Path(path) for path in paths] for name, paths in _tables(plan).items()}
     quality, dataset = tables["quality"], plan.config.cohort.dataset
     measured = bool(plan.measured_certificates()) and quality[0].exists()
+    figure = Path(_figure(plan)[0])
     small = [Path(path) for path in plan.each_case(plan.layout.thumbnail).values()]
     write_cohort_page(
         tables["status"][0],
@@ -350,7 +355,7 @@ def _write_page(plan: Plan, *, began: str = "") -> None:
             {**row, "thumbnail": data_uri(file.read_bytes()) if file.exists() else None}
             for row, file in zip(plan.listed_on_page(), small, strict=True)
         ],
-        figure=svg(cohort_figure(quality[0], **_limits(plan))) if measured else "",
+        figure=figure.read_text(encoding="utf-8") if measured and figure.exists() else "",
         maps={hemi: Path(files[-1]) for hemi, files in _maps(plan).items() if _exists(files[-1])},
         tissues=tables["tissues"][0] if plan.tissue_tables() else None,
         more=[part for part in folds_on_page(plan) if all(map(_exists, part.files))],
