@@ -63,14 +63,17 @@ def wrong_faces(points, cells, faces, behind):  # type: ignore[no-untyped-def]
     behind : result of `behind_faces`
     """
     wrong = np.zeros((len(cells), 4), np.int8)
+    inverted = np.empty(len(cells), np.bool_)
+    for e in numba.prange(len(cells)):
+        inverted[e] = _is_inverted(points, cells, e)
     for e in numba.prange(len(cells)):
         for k in range(4):
-            wrong[e, k] = _fault(points, cells, faces, behind, e, k)
+            wrong[e, k] = _fault(inverted, cells, faces, behind, e, k)
     return wrong
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _fault(points, cells, faces, behind, e, k):  # type: ignore[no-untyped-def]
+def _fault(inverted, cells, faces, behind, e, k):  # type: ignore[no-untyped-def]
     """Fault of one face, as in `wrong_faces`."""
     f, fault = behind[e, k], 0
     if f < 0:
@@ -83,7 +86,7 @@ def _fault(points, cells, faces, behind, e, k):  # type: ignore[no-untyped-def]
             fault = 2
         elif f > e:
             same_turn = _is_odd(cells, faces, e, k) == _is_odd(cells, faces, f, j)
-            if same_turn == (_is_inverted(points, cells, e) == _is_inverted(points, cells, f)):
+            if same_turn == (inverted[e] == inverted[f]):
                 fault = 1
     return fault
 

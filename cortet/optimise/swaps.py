@@ -373,18 +373,23 @@ def improve(mesh: Swappable, tree: SurfaceTree, threshold: float) -> SwapCount:
     return SwapCount(attempts, edges, faces, flips, peeled, float(tally[5]))
 
 
-def _beside(mesh: Swappable, changed: np.ndarray) -> np.ndarray:
+@numba.njit(cache=True, error_model="numpy")
+def _beside(mesh, changed):  # type: ignore[no-untyped-def]
     """Vertices (n,) whose tetrahedra may swap otherwise than before, once some vertices have `changed`.
 
     A flip looks beyond the tetrahedra that it replaces: at those of the other vertices of its faces. So changed
     vertices whose edges may be flipped count for all vertices of their tetrahedra.
     """
-    rows = np.flatnonzero(mesh.cells[: mesh.counters[0], 0] >= 0)
-    cells = mesh.cells[rows]
-    cell, corner = np.nonzero(mesh.neighbours[rows] < 0)
-    flipped = mesh.place >= 0
-    flipped[cells[cell[:, None], TET_FACES[corner]]] = True
-    flipped &= changed & ~mesh.held
+    used, on_surface = mesh.counters[0], mesh.place >= 0
+    for e in range(used):
+        for k in range(4):
+            if mesh.cells[e, 0] >= 0 and mesh.neighbours[e, k] < 0:
+                for corner in TET_FACES[k]:
+                    on_surface[mesh.cells[e, corner]] = True
+    flipped = on_surface & changed & ~mesh.held
     beside = changed.copy()
-    beside[cells[flipped[cells].any(axis=1)]] = True
+    for e in range(used):
+        a, b, c, d = mesh.cells[e]
+        if a >= 0 and (flipped[a] or flipped[b] or flipped[c] or flipped[d]):
+            beside[a] = beside[b] = beside[c] = beside[d] = True
     return beside

@@ -179,7 +179,9 @@ def _choose_run(run, wanted, state, p, threshold):  # type: ignore[no-untyped-de
         wanted[v] = False
         if state.stale[v] and p.freedom[v] != FIXED:
             for i in range(p.offsets[v], p.offsets[v + 1]):
-                wanted[v] |= state.mu2[p.around[i]] > threshold
+                if state.mu2[p.around[i]] > threshold:
+                    wanted[v] = True
+                    break
 
 
 @numba.njit(parallel=True, cache=True, error_model="numpy")
