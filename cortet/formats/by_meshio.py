@@ -70,7 +70,7 @@ def read(path: Path) -> TetMesh:
             faces = _faces(_read_xdmf(beside))
         kinds = {block.type for block in found.cells}
         if "tetra" not in kinds or kinds - _FLAT - {"tetra"}:
-            raise ValueError(f"it must have tetrahedra alone as volume cells: {', '.join(sorted(kinds)) or 'none'}")
+            raise ValueError(f"its volume cells must be tetrahedra, but it has {', '.join(sorted(kinds)) or 'none'}")
     except InputError:
         raise
     except Exception as error:  # whatever meshio raises for a file that is damaged or holds something else
@@ -149,7 +149,7 @@ def _read_nastran(path: Path) -> Any:
 def _read_gmsh(path: Path) -> Any:
     text, count = _FIELDS.subn(b"", content(path))
     if count:
-        logger.warning("%s: fields of Gmsh are not read", path)
+        logger.warning("%s: Gmsh views are not read", path)
     return _read_changed(text, path, meshio.gmsh.read)
 
 

@@ -163,8 +163,8 @@ def _check(frame: CoordinateFrame, path: str | Path, source: str) -> None:
     normalised = frame.xformspace in _TEMPLATES and frame.dataspace != frame.xformspace and low > least
     if far or not (rigid or (normalised and not (mirrored and least))):
         raise InputError(
-            f"the {source} maps {frame.dataspace} to {frame.xformspace} by a transform that is not a rigid motion "
-            f"within a scanner: lengths change by factors of {low:.4g} to {high:.4g}{', mirrored' if mirrored else ''}",
+            f"the {source} maps {frame.dataspace} to {frame.xformspace} by a transform that is not rigid or leaves "
+            f"the scanner: lengths change by factors of {low:.4g} to {high:.4g}{', mirrored' if mirrored else ''}",
             file=path,
             remedy=_REMEDY.format(source),
         )

@@ -163,7 +163,7 @@ def _reason(
         return f"{place} in {count} keeps q at {bound:.3f} or above wherever its vertices move", bound, "fan"
     width = _blade(mesh.points[nodes], normals[nodes], on_boundary[nodes], around.on_boundary[fan])
     if width is not None:
-        return f"it spans two facing banks of the boundary, {width:.2f} mm apart", bound, "banks"
+        return f"it spans two opposite sides of the boundary, {width:.2f} mm apart", bound, "banks"
     if on_boundary[nodes].all():
         return "all four nodes lie on the boundary, where they can only slide", bound, "fan"
     return "its connectivity is not the cause: moving vertices further may improve it", bound, "nothing"

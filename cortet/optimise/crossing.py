@@ -166,7 +166,7 @@ def _half_way(before: TetMesh, after: TetMesh, vertices: NDArray[np.integer], su
 
 def _warn(mesh: TetMesh, flaws: Flaws) -> None:
     """Log the flaws that remain after all rounds, and where."""
-    words = "boundary faces that cross or close a gap", "locations where the boundary no longer follows the surface"
+    words = "boundary faces that intersect or close a gap", "locations where the boundary no longer follows the surface"
     for faces, what in zip(flaws, words, strict=True):
         if len(faces):
             x, y, z = mesh.points[faces[0]].mean(axis=0)

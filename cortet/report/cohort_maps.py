@@ -65,7 +65,7 @@ def mean_map(cases: Sequence[TriSurface]) -> tuple[TriSurface, dict[str, int]]:
     if not cases:
         raise InputError("no case is on the common mesh yet", remedy="see what failed in cohort_status.tsv")
     if {one.faces.shape for one in cases} != {cases[0].faces.shape}:
-        raise InputError("the cases are on different common meshes", remedy="delete their maps and run again")
+        raise InputError("the cases are not all on one common mesh", remedy="delete their maps and run again")
     counts = Counter(name for one in cases for name in one.point_data)
     fields = {name: _mean([one.point_data[name] for one in cases if name in one.point_data]) for name in counts}
     mean = TriSurface(_mean([one.points for one in cases]), cases[0].faces, fields)

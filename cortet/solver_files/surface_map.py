@@ -281,9 +281,8 @@ def _faces_of(mesh: TetMesh, number: int) -> tuple[TriSurface, IntArray]:
     """The faces of a mesh that represent a surface, and the node of each of their vertices."""
     surface, nodes = sheet(mesh, number)
     if not len(surface.faces):
-        raise InputError(
-            f"the mesh has no faces of surface {number}", remedy="name a region whose surface is part of the mesh"
-        )
+        remedy = "name a region whose surface is part of the mesh"
+        raise InputError(f"the mesh has no faces around region {number + 1}", remedy=remedy)
     return surface, nodes
 
 

@@ -82,7 +82,7 @@ def _volume(name: str, given: Any) -> Volume:
     if hasattr(given, "affine") and hasattr(given, "dataobj"):  # nibabel's SpatialImage
         return volume_of(given)
     what = f"the volume {name} is a {type(given).__name__}, which does not state the location of its voxels"
-    raise InputError(what, remedy="give a file, or an image of NiBabel")
+    raise InputError(what, remedy="give a file, or a NiBabel image")
 
 
 def backgrounds(volumes: Mapping[str, Volume], surface: TriSurface) -> list[Background]:

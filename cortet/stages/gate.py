@@ -77,19 +77,20 @@ def gate(
         higher genus, crosses itself in many places, has triangles without area, or is not of a brain's size in mm; says
         which and where
     """
+    named = source or "the surface"
     try:
         _check_coordinates(surface.points)
         points, faces, kept = compact(surface.points, surface.faces)
         fields = {name: values[kept] for name, values in surface.point_data.items()}
         used = single_precision(replace(surface, points=points, faces=faces, point_data=fields))
         if dropped := len(surface.points) - len(used.points):
-            logger.warning("%s: dropped %d vertices that no triangle uses", source or "the surface", dropped)
+            logger.warning("%s: dropped %d vertices that no triangle uses", named, dropped)
         _check_area(used, flat_faces(used.points, used.faces))
         oriented = replace(used, faces=outward(used.points, used.faces))
         topology = surface_topology(oriented.faces)
         _check_topology(oriented, topology, settings.allow_genus)
         if reoriented := int((oriented.faces != used.faces).any(axis=1).sum()):
-            logger.warning("%s: %d of %d triangles turned outward", source, reoriented, len(used.faces))
+            logger.warning("%s: %d of %d triangles turned outward", named, reoriented, len(used.faces))
         if not inside:
             extents = np.ptp(oriented.points, axis=0).tolist()
             require_size(extents, enclosed_volume(oriented.points, oriented.faces) / 1000)
@@ -188,7 +189,7 @@ def _uncross(surface: TriSurface, source: Any) -> tuple[TriSurface, int]:
     _check_area(repaired, flat_faces(repaired.points, repaired.faces))
     logger.warning(
         "%s: %s; separated by moving %d vertices by up to %.3f mm",
-        source,
+        source or "the surface",
         found,
         (moved > 0).sum(),
         moved.max(),

@@ -44,7 +44,7 @@ def test_means_are_of_the_cases_that_have_a_field_and_labels_are_the_most_freque
     assert np.array_equal(mean.point_data["lobe"], ball(1.0).point_data["lobe"])
     with pytest.raises(InputError, match="no case"):
         mean_map([])
-    with pytest.raises(InputError, match="different common meshes"):
+    with pytest.raises(InputError, match="not all on one common mesh"):
         mean_map([ball(10.0), ball_surface(2)])
 
 
