@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
-from matplotlib.image import imread, imsave
 
 from cortet.cohort.status import COLUMNS
-from cortet.folding.cohort_folding import COLUMNS as FOLDING
-from cortet.folding.cohort_folding import panel
 from cortet.formats.atomic import write_json
 from cortet.formats.tables import names
 from cortet.formats.tsv import write_tsv
 from cortet.report.cohort_page import ordered, write_cohort_page
-from cortet.report.results import PagePart
 
 MESH = {"cell_size_mm": "0.6", "mesher": "cgal"}
 #: a picture of no pixel
@@ -67,25 +60,3 @@ def test_every_case_leads_to_its_page_whatever_the_order_of_the_tables(tmp_path)
     values = re.findall(r'data-value="([\d.]+)">0\.\d{4}</td>', page)
     assert {float(value) for value in values} == {0.129, *(float(row["q_max"]) for row in WORST)}, "to sort by"
     assert written(tmp_path, WORST[::-1]) == page
-
-
-def test_folds_and_maps_are_part_of_the_page(tmp_path):
-    mesh = {"case": "a", "cell_size_mm": 0.6, "mesher": "cgal"}
-    rows = [
-        {**mesh, "variant": "thin", "state": "failed", "reason": "fold: killed"},
-        {**mesh, "variant": None, "state": "folded", "reason": "folded", "gyrification_index": 1.23456, "min_j": 0.5},
-    ]
-    write_tsv(rows, names(FOLDING), tmp_path / "folds.tsv")
-    (tmp_path / "folds.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg"><text>curves</text></svg>')
-    imsave(tmp_path / "maps.png", np.ones((4, 6, 3)))
-    folds = [{**mesh, "variant": variant, "folder": f"../a/Folded{variant or ''}"} for variant in (None, "thin")]
-    shown = panel(tmp_path / "folds.tsv", tmp_path / "folds.svg", folds)
-    more = [PagePart([str(tmp_path / "folds.tsv")], [], None, lambda: None, lambda: [shown])]
-    page = written(tmp_path, [other("a", "certified")], [], more=more, maps={"R": tmp_path / "maps.png"})
-    ((picture, words),) = re.findall(r'src="data:image/webp;base64,(.*?)" width="6" height="4" alt="(.*?)">', page)
-    assert imread(io.BytesIO(base64.b64decode(picture)), format="webp").min() > 250, "a white picture"
-    assert "right hemispheres" in words
-    section = page[page.index('id="folds"') :]
-    assert section.index("fold: killed") < section.index("1.235")
-    assert 'href="../a/Folded/folding.gif"' in section and "Foldedthin" not in section
-    assert "folds.tsv" in section and "curves</text>" in section
