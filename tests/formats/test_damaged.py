@@ -8,7 +8,6 @@ import json
 import random
 import zlib
 from dataclasses import replace
-from pathlib import Path
 
 import nibabel
 import numpy as np
@@ -18,7 +17,6 @@ from exported import full_mesh
 from shapes import ball_surface
 from surface_files import FACES, FOREIGN, POINTS, data_array, gifti, points, saved, triangles
 
-from cortet.cohort.sheet import COLUMNS
 from cortet.errors import InputError
 from cortet.formats import FORMATS
 from cortet.formats.gifti import read_fields, read_surface, write_surface
@@ -145,14 +143,3 @@ def test_a_json_file_of_another_kind_is_no_sidecar(tmp_path):
     sidecar_path(path).write_text(json.dumps({**record, "files": {**record["files"], "precious.gii": ""}}))
     export(full_mesh(), path, solver="vtu", certificate={"certified": True})
     assert other.exists()
-
-
-# --- sheets, whose labels become names of files
-
-
-def sheet(folder: Path, *values: str) -> Path:
-    row = dict(zip(COLUMNS, ("007", "01", "L", "27.5", "a.surf.gii", "yes", "n/a"), strict=True))
-    row |= {"site": "x"} | dict(zip(values[::2], values[1::2], strict=True))
-    path = folder / "cohort.tsv"
-    path.write_text("\t".join(row) + "\n" + "\t".join(row.values()) + "\n", encoding="utf-8")
-    return path
