@@ -138,9 +138,6 @@ def test_what_is_said_of_directions_is_what_is_seen(hemisphere):
     assert red[:80].mean() > 5 * red[80:].mean()  # "midline up"; of a whole brain, the right side
 
 
-# --- all folds of a cohort
-
-
 @pytest.mark.parametrize(
     "variant",
     [{"thicknes": 1.0}, {"thickness": -1.0}, {}, {"cases": "all"}, {"real_surfaces": {}}, {"picture": "depth"}],

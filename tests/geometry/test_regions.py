@@ -82,6 +82,16 @@ def test_two_balls_are_certified_with_known_volumes(pair, meshed):
     assert (np.einsum("ij,ij->i", normals, mesh.points[faces[:, 0]]) > 0).all(), "the interface looks outward"
 
 
+def test_more_elements_across_make_the_cortex_finer():
+    found = {}
+    for across in (1, 3):
+        config = load({"generate": {"cell_size": 1.6}, "regions": {"elements_across": across}})
+        certificate = mesh_surface(nested(ball(11.0), {"white": ball(9.0)}), config).certificate
+        assert certificate.certified, certificate.reasons
+        found[across] = certificate.regions[0].edges_across
+    assert found[1].p5 < 2 <= found[3].p5 and found[3].median >= 3
+
+
 def test_nested_and_disjoint_regions_are_one_body_each():
     inner = {"white": ball(10.0), "ventricle": ball(4.0, (3, 0, 0)), "deep": ball(3.0, (-5, 0, 0))}
     result = mesh_surface(nested(ball(13.0), inner), load({"generate": {"cell_size": 1.0}}))

@@ -43,9 +43,6 @@ def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
     return table.astype(object).where(table.notna(), None).to_dict("records")
 
 
-# --- Table 1: the ablation -------------------------------------------------------------------------------------------
-
-
 def test_stages_are_summarised_over_the_meshes_in_their_order():
     records = {
         at("a", "Cleaned", "published"): record(mean=0.128, max=0.50),
@@ -70,9 +67,6 @@ def test_stages_are_summarised_over_the_meshes_in_their_order():
     assert (first["q_max_median"], first["q_max_min"], first["q_max_max"]) == (pytest.approx(0.78), 0.75, 0.81)
     assert (first["q_above_0.6_median"], first["q_above_0.6_total"]) == (900, 1800)
     assert (first["meshes"], first["failed"], first["tets_total"]) == (2, 0, 96)
-
-
-# --- Table 2 and other measures: one row per mesh --------------------------------------------------------------------
 
 
 def test_cells_of_half_the_size_are_eight_times_as_many():

@@ -19,32 +19,27 @@ MESH = {"cell_size_mm": "0.6", "mesher": "cgal"}
 DOT = "data:image/webp;base64,"
 
 
-def measured(**values: float) -> list[dict[str, str]]:
-    good = {**MESH, "state": "certified", "q_mean": "0.129"}
-    return [{**good, "case": case, "q_max": str(q)} for case, q in values.items()]
-
-
-WORST = measured(a=0.50, b=0.51, c=0.49, d=0.50, e=0.58, f=0.505)
+WORST = [
+    {**MESH, "state": "certified", "q_mean": "0.129", "case": case, "q_max": q}
+    for case, q in zip("abcdef", ("0.5", "0.51", "0.49", "0.5", "0.58", "0.505"), strict=True)
+]
 
 
 def other(case: str, state: str, **more: Any) -> dict[str, Any]:
     return {**MESH, "case": case, "state": state, **more}
 
 
-def written(folder: Path, rows: list[dict[str, Any]], quality: list[dict[str, Any]] = WORST, **more: Any) -> str:
-    """The page of a cohort of these rows of the status and of the quality table."""
+def written(folder: Path, rows: list[dict[str, Any]]) -> str:
+    """The page of a cohort of these rows of the status, and of its quality table."""
     write_tsv(rows, names(COLUMNS), folder / "status.tsv")
     tables = folder / "quality.tsv", folder / "quality.json"
-    if quality:
-        write_tsv(quality, list(quality[0]), tables[0])
-        write_json({"q_max": {"Description": "Largest q", "Threshold": "< 0.6"}}, tables[1])
+    write_tsv(WORST, list(WORST[0]), tables[0])
+    write_json({"q_max": {"Description": "Largest q", "Threshold": "< 0.6"}}, tables[1])
     meshes = [
         {**row, "cell_size_mm": 0.6, "scan_age": 26.0, "page": f"../{row['case']}.html", "thumbnail": DOT}
         for row in rows
-        if row["state"] != "excluded"
     ]
-    more = {"meshes": meshes, **more}
-    write_cohort_page(folder / "status.tsv", tables if quality else None, folder / "index.html", **more)
+    write_cohort_page(folder / "status.tsv", tables, folder / "index.html", meshes=meshes)
     return (folder / "index.html").read_text(encoding="utf-8")
 
 
