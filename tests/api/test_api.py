@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import errno
 import json
-import os
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -192,14 +190,6 @@ def test_the_same_call_gives_the_same_bits(ball, made):
     assert again.points.tobytes() == made.points.tobytes() and again.cells.tobytes() == made.cells.tobytes()
 
 
-@pytest.mark.parametrize("ending", [".vtu", ".inp", ".msh"])
-def test_it_is_saved_in_the_format_of_its_ending_and_certified_again(made, ball, tmp_path, ending):
-    path = made.save(tmp_path / f"ball{ending}")
-    assert path.exists()
-    if ending == ".vtu":
-        assert cortet.certify(vtu.read(path), made.surface, COARSE).certified
-
-
 def test_no_file_of_others_is_replaced_unless_forced_and_no_input_ever(ball, tmp_path):
     source = tmp_path / "ball.surf.gii"
     write_surface(ball, source)
@@ -222,12 +212,6 @@ def test_a_mesh_that_is_not_certified_is_saved_only_if_forced(ball, tmp_path):
     assert strict.save(tmp_path / "x.vtu", force=True).exists()
 
 
-def test_a_broken_surface_is_repaired_and_said_how(ball):
-    mended, report = cortet.repair((ball.points, ball.faces[1:]))
-    assert len(mended.faces) >= len(ball.faces)
-    assert any(report.values())
-
-
 def test_a_mesh_folds_from_the_age_it_was_made_at(made, tmp_path):
     said: list[float] = []
     small = {"thickness": 3.0, "force": True}
@@ -248,29 +232,3 @@ def test_a_mesh_folds_from_the_age_it_was_made_at(made, tmp_path):
     sidecar_path(of_another).write_text(sidecar_path(saved).read_text())
     with pytest.raises(InputError, match="age of the mesh is not known"):
         cortet.fold(of_another)
-
-
-def test_a_full_disk_loses_neither_the_mesh_that_was_there_nor_its_certificate(made, tmp_path, monkeypatch):
-    def files() -> dict[str, bytes]:
-        return {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-
-    path = made.save(tmp_path / "x.vtu")
-    before, write_text = files(), Path.write_text
-    finer = cortet.mesh(made.native["cortex"], cell_size=3.5, progress=False)
-    count = 0
-
-    def full_after(file: Path, *text: str, **how: str) -> int:
-        nonlocal count
-        count -= 1
-        if count == 0:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(file))
-        return write_text(file, *text, **how)
-
-    monkeypatch.setattr(Path, "write_text", full_after)
-    for number in (1, 2):  # the certificate and the sidecar
-        count = number
-        with pytest.raises(InputError, match=r"x\.\S+: cannot be written: its disk has only .* kB left"):
-            finer.save(path, force=True)
-        assert files() == before
-    finer.save(path, force=True)
-    assert files().keys() == before.keys() and files() != before

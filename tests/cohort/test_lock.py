@@ -11,7 +11,9 @@ from pathlib import Path
 
 import pytest
 
+from cortet.cohort.app import lock, require_plain_python
 from cortet.cohort.lock import NAME, hold, is_held_by_parent, require_free
+from cortet.config import load
 from cortet.errors import InputError
 
 HOLD = """
@@ -57,3 +59,19 @@ def test_asking_whether_a_folder_is_free_writes_nothing_and_the_text_of_a_lock_c
     assert not is_held_by_parent(tmp_path)
     require_free(tmp_path)
     assert (tmp_path / NAME).read_text() == text
+
+
+def test_an_output_folder_with_braces_is_refused_before_anything_is_made(tmp_path):
+    with pytest.raises(InputError, match=r"has braces in its name, which Snakemake reads as wildcards"):
+        lock(tmp_path / "bids", tmp_path / "out{x}")
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(InputError, match="output = 'out{x}': braces in the name of the output folder"):
+        load({"output": "out{x}"})
+
+
+@pytest.mark.parametrize("folder", ["my env", "env (1)", "it's", 'so "named"', "a$b"])
+def test_a_python_that_snakemake_cannot_call_is_refused(folder):
+    """Snakemake issue 2645."""
+    require_plain_python("/home/josé/env-1.2/bin/python")
+    with pytest.raises(InputError, match="Snakemake cannot run jobs with a Python whose path has"):
+        require_plain_python(f"/home/{folder}/bin/python")

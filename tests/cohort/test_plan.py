@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -46,13 +44,6 @@ def test_the_line_of_a_case_follows_from_its_row():
     )
 
 
-def test_a_bypassed_stage_is_not_read_from():
-    asked, published = plan(), mesh_job(GOOD, setting="Published")
-    assert asked.mesh_before("clean", mesh_job(GOOD)).endswith("desc-latticeGenerated_tetmesh.vtu")
-    assert asked.mesh_before("relocate", published).endswith("desc-latticeTransferred_tetmesh.vtu")
-    assert asked.mesh_before("clean", published).endswith("desc-latticePublishedRelocated_tetmesh.vtu")
-
-
 def test_stages_that_settings_share_run_by_those_of_the_line():
     asked = plan(clean={"thresholds": [0.6]}, transfer={"interior": "harmonic"})
     published = mesh_job(GOOD, setting="Published")
@@ -66,11 +57,3 @@ def test_a_job_asks_for_more_with_more_tetrahedra_and_after_it_was_killed(cell_s
     assert plan().megabytes("clean", asked, attempt=3) == 4 * plan().megabytes("clean", asked, attempt=1)
     assert plan().minutes("clean", asked) >= plan().minutes("clean", mesh_job(GOOD))
     assert plan().tets(job(GOOD)) == 0
-
-
-def test_planning_loads_nothing_heavy():
-    """Every job plans, so each library here would cost each of them a quarter of a second and more."""
-    heavy = ("numba", "scipy", "nibabel", "pymeshlab", "gmsh", "meshio", "pandas", "matplotlib")
-    code = f"import sys, cortet.over_all; print([name for name in {heavy} if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"

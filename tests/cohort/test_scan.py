@@ -67,14 +67,6 @@ def test_the_white_surfaces_of_a_release_are_found_with_their_ages(tmp_path):
     assert read_sheet(tmp_path / "cohort.tsv") == cases
 
 
-def test_pial_surfaces_are_taken_with_the_white_ones_inside_where_asked(tmp_path):
-    left, right, *_ = scan(release(tmp_path), Scan(pial=True))
-    assert Path(left.surface).name.endswith("left_pial.surf.gii")
-    assert Path(left.inner["white"]).name.endswith("left_wm.surf.gii")
-    assert Path(right.surface).name.endswith("right_wm.surf.gii") and not right.inner
-    assert not any(case.inner for case in scan(tmp_path))
-
-
 def test_the_sphere_beside_a_surface_is_found_the_registered_one_first(tmp_path):
     begin = "sub-CC01_ses-100_hemi-"
     ends = ("left_sphere", "left_sphere.reg40", "right_sphere")

@@ -62,10 +62,11 @@ def test_a_row_becomes_a_case_and_is_written_as_it_was_read(tmp_path, row, more,
     assert read_sheet(tmp_path / "again.tsv") == cases
 
 
+#: words that would lead a file name out of its folder, into a shell or to no file at all
+NO_LABELS = ("../x", "..", "a\\b", "$(reboot)", "a b", "a\x00b", "{case}", "*", "-rf", "a.b", "\u0430bc")
 #: row, further columns and their values, column that the error names, keyword of the remedy
 BAD: list[tuple[str, dict[str, str], str, str]] = [
-    (GOOD.replace("007", "00/7"), {}, "participant_id", "BIDS label"),
-    (GOOD.replace("007", "n/a"), {}, "participant_id", "BIDS label"),
+    *((GOOD.replace("007", label), {}, "participant_id", "BIDS label") for label in ("00/7", "n/a", *NO_LABELS)),
     (GOOD.replace("01", "ses_1"), {}, "session_id", "BIDS label"),
     (GOOD.replace("\tL", "\tleft-ish"), {}, "hemi", "use L, R"),
     (GOOD.replace("27.5", "190"), {}, "scan_age", "gestational weeks"),
@@ -75,6 +76,8 @@ BAD: list[tuple[str, dict[str, str], str, str]] = [
     (SYNTHETIC.replace("\tR", "\tn/a"), {}, "hemi", "phantom"),
     (GOOD.replace("data/a.surf.gii", "n/a"), {}, "surface", "is not a file"),
     (GOOD.replace("data/a", "{x}"), {}, "surface", "braces"),
+    (GOOD.replace("007", "x" * 41), {}, "participant_id", "at most 40"),
+    *((GOOD.replace("data/a", name), {}, "surface", "") for name in ("a\x00b", "a\x1bb", "*", "x" * 5000)),
     (GOOD.replace("yes", "maybe"), {}, "include", "use yes or no"),
     (GOOD.replace("yes", "no"), {}, "exclude_reason", "is not a reason"),
     (GOOD, {"unit": "inch"}, "unit", "use mm"),

@@ -7,18 +7,10 @@ import json
 import pytest
 
 from cortet.cohort.status import COLUMNS, failure_reason, status_rows
+from cortet.cohort.user_files import require_same_input
+from cortet.errors import StageError
 from cortet.formats.tables import names, write_table
 from cortet.formats.tsv import read_tsv
-
-
-def test_the_verdict_of_the_certificate_is_the_state(tmp_path):
-    path = tmp_path / "certificate.json"
-    path.write_text(
-        json.dumps({"schema": 1, "certified": False, "reasons": ["q_max 0.71 is not below 0.6", "Euler number 0"]})
-    )
-    (row,) = status_rows([{"case": "sub-1", "cell_size_mm": 0.6, "mesher": "cgal", "certificate": str(path)}])
-    assert row["state"] == "uncertified"
-    assert row["reason"] == "q_max 0.71 is not below 0.6; Euler number 0"
 
 
 def test_a_failure_and_an_exclusion_are_rows_too(tmp_path):
@@ -58,3 +50,12 @@ def test_why_a_job_that_left_no_word_ended_follows_from_its_log(tmp_path, text, 
     if text is not None:
         log.write_text(f"10:00 INFO begun\n{text}")
     assert failure_reason(log) == reason
+
+
+def test_a_report_on_another_input_is_refused():
+    require_same_input("gate.json", {"input_sha256": {"surface": "a"}}, {"surface": "a"})
+    require_same_input("gate.json", {"input_sha256": {"surface": "a"}}, {"surface": "a", "inner_white": "b"})
+    with pytest.raises(StageError):
+        require_same_input("gate.json", {}, {"surface": "a"})
+    with pytest.raises(StageError, match=r"gate\.json: describes an earlier version"):
+        require_same_input("gate.json", {"input_sha256": {"surface": "b"}}, {"surface": "a"})

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
 
 import nibabel
 import numpy as np
@@ -15,16 +13,10 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.cli import main
 from cortet.config import load
-from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding import fold_figures
-from cortet.folding.cohort_folding import COLUMNS, write_cohort_folding
-from cortet.folding.fold import fold
 from cortet.folding.fold_views import (
     Brain,
-    Row,
-    bar_length,
-    sheet,
     sides,
     view,
 )
@@ -33,8 +25,6 @@ from cortet.folding.measurements import folds_of, mean_curvature, shape
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
 from cortet.formats.ownership import MANIFEST
-from cortet.formats.tables import names
-from cortet.formats.tsv import read_tsv
 from cortet.meshes import TriSurface
 
 # --- width and depth of known folds
@@ -146,54 +136,6 @@ def test_what_is_said_of_directions_is_what_is_seen(hemisphere):
     image = view(midline, sides(hemisphere)[2], np.zeros(3), (160, 160), 2.0).astype(int)
     red = image[:, :, 0] - image[:, :, 2] > 60
     assert red[:80].mean() > 5 * red[80:].mean()  # "midline up"; of a whole brain, the right side
-
-
-def test_all_brains_of_a_sheet_and_its_bar_have_one_scale():
-    small, large = box((10.0, 30.0, 20.0)), box((20.0, 60.0, 40.0))
-    figure = sheet([Row(22.0, small), Row(30.5, large, small, "atlas, 30 weeks")], "L")
-    axis, margin = figure.axes[0], 4 / 600
-    extents = [image.get_extent() for image in axis.images]
-    widths = [np.ptp(one[:2]) - margin for one in extents]
-    heights = [np.ptp(one[2:]) - margin for one in extents]
-    assert len(widths) == 9 and widths[3] == pytest.approx(2 * widths[0], rel=0.02)
-    assert heights[6] == pytest.approx(heights[0], rel=0.02)
-    bar = next(line for line in axis.lines if line.get_linewidth() == 1.5)
-    length = bar_length(7.2 * 60 / (widths[3] + margin)) / 60
-    assert np.ptp(bar.get_xdata()) / widths[3] == pytest.approx(length, rel=0.02)
-    assert {"22 weeks", "30.5 weeks", "atlas, 30 weeks"} <= {text.get_text() for text in axis.texts}
-
-
-# --- all folds of a cohort
-
-
-@pytest.fixture(scope="module")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
-    """A ball folded for a tenth of a week, once with a growth that inverts it."""
-    found = []
-    for variant, changed in ((None, {}), ("wild", {"growth_rate": 1000.0, "end": 40.0, "record_interval": 0.5})):
-        folder = tmp_path_factory.mktemp("run")
-        small = {"gestational_age": 22.0, "end": 22.1, "force": True}
-        fold(ball_mesh(2, radius=10.0), folder, Settings(**{**small, **changed}))
-        run = {"case": "sub-a_hemi-L", "variant": variant, "cell_size_mm": 0.6, "mesher": "lattice", "hemisphere": "L"}
-        found.append({**run, "folder": str(folder)})
-    return found
-
-
-def test_every_run_is_a_row_and_what_went_wrong_comes_first(runs, tmp_path):
-    failed = {**runs[0], "case": "sub-b_hemi-L", "reason": "fold: killed"}
-    del failed["folder"]
-    files = ("folds.tsv", "folds.json", "folds.svg", "folds.png")
-    write_cohort_folding(runs, [failed], [tmp_path / name for name in files])
-    table = read_tsv(tmp_path / "folds.tsv")
-    assert list(table.columns) == names(COLUMNS) == list(json.loads((tmp_path / "folds.json").read_text()))
-    assert table["state"].tolist() == ["failed", "inverted", "folded"]
-    assert table["case"].tolist() == ["sub-b_hemi-L", "sub-a_hemi-L", "sub-a_hemi-L"]
-    assert table["reason"].iloc[0] == "fold: killed" and "inverted" in table["reason"].iloc[1]
-    assert table["variant"].tolist() == ["n/a", "wild", "n/a"]
-    verdict = json.loads((Path(runs[0]["folder"]) / "verdict.json").read_text())
-    assert float(table["min_j"].iloc[2]) == pytest.approx(verdict["min_j"], rel=1e-5)
-    assert float(table["end_weeks"].iloc[2]) == pytest.approx(22.1)
-    assert (tmp_path / "folds.png").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from itertools import combinations
 
-import numba
 import numpy as np
 import pytest
 from cubes import cube_mesh
@@ -12,7 +11,6 @@ from shapes import ball_mesh
 
 from cortet.folding.body import Body, Material, Scale, body_of
 from cortet.folding.contact import Contact, contact_forces, contact_of, listed_at, moved_too_far
-from cortet.folding.elements import OWN_ROWS, stress_elements
 from cortet.folding.growth import Course
 from cortet.folding.kernels import (
     DONE,
@@ -28,7 +26,6 @@ from cortet.folding.kernels import (
 )
 from cortet.folding.law import exponential, inverse_cube_root
 from cortet.folding.models import course, tangential
-from cortet.folding.patches import ROWS, SIZE
 from cortet.folding.stability import FIRST, MARGIN, NEXT, largest_eigenvalue, largest_of_contacts, longest_step
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.intersection import self_intersections
@@ -168,25 +165,6 @@ def test_it_stops_at_an_inverted_element_and_moves_nothing(bad):
     assert np.array_equal(state.x, x, equal_nan=True)
 
 
-def test_the_flatter_an_element_the_harder_it_is_pushed_open_and_nearly_flat_ones_are_counted():
-    mesh = cube_mesh(1)
-    body, work = ungrown(mesh)
-    top, edges = mesh.points[:, 2] == 1, 19
-    for stretch, degenerate in ((0.2, 0), (0.05, len(mesh.cells) + edges)):
-        flat = Motion(mesh.points * [1, 1, stretch], np.zeros_like(mesh.points))
-        work.counts[0] = 0
-        assert advance(body, MATERIAL, flat, work, no_contact(mesh), steps(1), 1e-9) == (1, DONE)
-        assert work.counts[0] == degenerate and work.min_j[0] == pytest.approx(min(stretch, 1))
-
-    def push(stretch: float) -> float:
-        elastic_forces(MATERIAL._replace(bulk=0.0), mesh.points * [1, 1, stretch], work, NO_GROWTH, 0.0)
-        return float(nodal_forces(work)[top, 2].sum())
-
-    assert push(0.1 - 1e-9) == pytest.approx(push(0.1 + 1e-9), rel=1e-6)
-    pushes = [push(stretch) for stretch in (0.2, 0.1, 0.05, 0.0, -0.05)]
-    assert np.all(np.diff(pushes) > 0)
-
-
 def shear_stress(f: np.ndarray) -> np.ndarray:
     """Deviatoric P (m, 3, 3) for a modulus of 1, by the formula of the module `law`."""
     j, trace, inverse = np.linalg.det(f), (f**2).sum(axis=(1, 2)), np.linalg.inv(f).transpose(0, 2, 1)
@@ -246,15 +224,6 @@ def test_functions_without_calls_are_those_of_the_library():
     assert exponential(1e9) > 1e130 and 0 < exponential(-1e9) < 1e-130
     j = np.logspace(-12, 6, 1001)
     assert [inverse_cube_root(value) for value in j] == pytest.approx(j ** (-1 / 3), rel=1e-15)
-
-
-def test_the_loop_of_the_law_is_made_of_vector_instructions():
-    """One call that is left in it would make it ten times slower, and nothing else would tell."""
-    fresh = numba.njit(fastmath={"contract"}, error_model="numpy")(stress_elements.py_func)
-    fresh(np.zeros(OWN_ROWS * SIZE), np.zeros(ROWS * SIZE), MATERIAL)
-    (assembly,) = fresh.inspect_asm().values()
-    scalar, packed = assembly.count("mulsd"), assembly.count("mulpd")
-    assert packed > 20 and packed >= scalar  # what is scalar is the remainder of the loop
 
 
 # --- contact

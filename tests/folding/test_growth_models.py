@@ -8,12 +8,14 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from fold_brain import fitted
 from shapes import ball_mesh
 
 from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding.fold import fold
-from cortet.folding.growth import VOLUME, by_age, times_of, usual
+from cortet.folding.fold_figures import healthy_hemispheres
+from cortet.folding.growth import AREA, HULL, VOLUME, by_age, times_of, usual
 from cortet.folding.kernels import grown_volume_of
 from cortet.folding.law import ACROSS, ALONG, CORE
 from cortet.folding.measurements import Measurements
@@ -147,3 +149,14 @@ def test_an_envelope_holds_back_what_grows_out_of_it(ball, tmp_path):
         rows = rows_of(ball, tmp_path / str(envelope), chosen.with_keys(envelope=envelope))
         hulls.append(rows[-1].hull_volume_mm3 / rows[0].hull_volume_mm3)
     assert hulls[0] > 1.2 and 1.05 < hulls[1] < 1.15  # it is soft
+
+
+@pytest.mark.parametrize(
+    ("law", "column"), [(AREA, "area_cm2"), (VOLUME, "volume_ml"), (HULL, "hull_volume_ml")], ids=str
+)
+def test_the_laws_of_the_package_are_those_of_its_table(law, column):
+    brains = healthy_hemispheres()
+    ages, values = (brains[name].to_numpy(float) for name in ("gestational_age_weeks", column))
+    again = fitted(ages, values, (1.2 * law[0], 0.9 * law[1], law[2] + 1))
+    assert usual(again, ages) == pytest.approx(usual(law, ages), rel=1e-2)
+    assert np.sqrt(((values / usual(law, ages) - 1) ** 2).mean()) < 0.08

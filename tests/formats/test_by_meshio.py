@@ -93,11 +93,8 @@ def saved_by_vtk(grid: pyvista.UnstructuredGrid, path: Path, mode: str, *, compr
 @pytest.mark.parametrize(
     ("name", "mode", "compressed"),
     [
-        *(
-            ("m.vtu", mode, compressed)
-            for mode in ("ascii", "binary", "appended", "raw")
-            for compressed in (True, False)
-        ),
+        *(("m.vtu", mode, True) for mode in ("ascii", "binary", "appended", "raw")),
+        ("m.vtu", "raw", False),
         *(("m.vtk", mode, False) for mode in ("ascii", "binary")),
     ],
 )
@@ -146,7 +143,8 @@ def test_a_file_that_is_missing_cut_off_or_of_another_kind_is_refused(name, tmp_
     assert "No such file" in refused(path)
     written(path) if name == "vtk" else FORMATS[name].write(full_mesh(), path)
     content = path.read_bytes()
-    for share in (0, 0.1, 0.5, 0.9)[: 3 if name in ("abaqus", "vtk") else 4]:  # their last sets may be missing
+    shares = {"abaqus": (0, 0.1, 0.5), "vtk": (0, 0.5), "vtu": (0, 0.5)}  # each look of VTK begins a process
+    for share in shares.get(name, (0, 0.1, 0.5, 0.9)):
         path.write_bytes(content[: int(share * len(content))])
         refused(path)
     path.write_bytes(b"\x89PNG\r\n\x1a\n" * 9)

@@ -5,11 +5,9 @@ from __future__ import annotations
 import base64
 import gzip
 import json
-import os
 import random
 import zlib
 from dataclasses import replace
-from pathlib import Path
 
 import nibabel
 import numpy as np
@@ -19,9 +17,6 @@ from exported import full_mesh
 from shapes import ball_surface
 from surface_files import FACES, FOREIGN, POINTS, data_array, gifti, points, saved, triangles
 
-from cortet.cohort.scan import scan
-from cortet.cohort.sheet import COLUMNS, read_sheet
-from cortet.config import Scan
 from cortet.errors import InputError
 from cortet.formats import FORMATS
 from cortet.formats.gifti import read_fields, read_surface, write_surface
@@ -148,44 +143,3 @@ def test_a_json_file_of_another_kind_is_no_sidecar(tmp_path):
     sidecar_path(path).write_text(json.dumps({**record, "files": {**record["files"], "precious.gii": ""}}))
     export(full_mesh(), path, solver="vtu", certificate={"certified": True})
     assert other.exists()
-
-
-# --- sheets, whose labels become names of files
-
-
-def sheet(folder: Path, *values: str) -> Path:
-    row = dict(zip(COLUMNS, ("007", "01", "L", "27.5", "a.surf.gii", "yes", "n/a"), strict=True))
-    row |= {"site": "x"} | dict(zip(values[::2], values[1::2], strict=True))
-    path = folder / "cohort.tsv"
-    path.write_text("\t".join(row) + "\n" + "\t".join(row.values()) + "\n", encoding="utf-8")
-    return path
-
-
-LABELS = ["../x", "..", "a/b", "a\\b", "$(reboot)", "a b", "a\x00b", "{case}", "*", "-rf", "a.b", "\u0430bc", "x" * 41]
-
-
-@pytest.mark.parametrize(
-    ("column", "value"),
-    [
-        *((column, value) for column in ("participant_id", "session_id", "hemi") for value in LABELS),
-        *(("surface", value) for value in ("a\x00b", "a\x1bb", "{x}", "*", "x" * 5000, "a\u2028b")),
-        ("site", "a\x1b[2Jb"),
-    ],
-)
-def test_a_cell_that_can_be_no_name_of_a_file_is_refused(column, value, tmp_path):
-    with pytest.raises(InputError, match=f"line 2.*{column}|column {column}"):
-        read_sheet(sheet(tmp_path, column, value))
-
-
-def test_surfaces_may_lie_anywhere_and_patterns_are_filled_in_and_nothing_else(tmp_path):
-    for given in ("../../release/$(x) `y`; z/a.surf.gii", "/data/a.surf.gii"):
-        (case,) = read_sheet(sheet(tmp_path, "surface", given))
-        assert case.surface == Path(os.path.normpath(tmp_path / given))
-    (tmp_path / "sub-A/anat").mkdir(parents=True)
-    (tmp_path / "sub-A/anat/sub-A_hemi-L_wm.surf.gii").touch()
-    for pattern in ("{session:>9999999999}", "{session.__class__}", "{0}", "{}", "a\0{session}", "{{session}}"):
-        with pytest.raises(InputError, match="placeholder|file name"):
-            scan(tmp_path, Scan(sessions=pattern))
-    for of_release in ("/etc/{participant}", "", "x", "\0{participant}"):  # it stays below the release
-        with pytest.raises(InputError, match=r"cohort\.scan\.surfaces"):
-            scan(tmp_path, Scan(surfaces=[of_release]))

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import shutil
-import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,19 +16,16 @@ import pyvista
 from cubes import cube_mesh
 from exported import full_mesh
 from read_back import READERS, by_gmsh, by_meshio, model
-from shapes import ball_surface
 
 from cortet.errors import InputError
-from cortet.formats import FORMATS, abaqus, braingrowth, carp, fenics, format_of, msh, read_mesh, vtu
+from cortet.formats import FORMATS, braingrowth, carp, fenics, format_of, msh, read_mesh, vtu
 from cortet.formats.gifti import read_surface
 from cortet.formats.tags import face_tags, regions
-from cortet.geometry.nesting import nested
 from cortet.geometry.topology import boundary_faces, boundary_surface, enclosed_volume
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import REGION, CoordinateFrame, MeshSets, TetMesh
 from cortet.solver_files.export import export, write
 from cortet.solver_files.sets import named_sets
-from cortet.stages.generate import generate
 from cortet.stages.solver_ready import surface_nodes_first
 
 SOLIDS = [name for name, form in FORMATS.items() if not form.is_surface]
@@ -286,77 +281,3 @@ def test_every_array_of_a_vtu_file_comes_back_bit_for_bit(tmp_path):
         assert before.keys() == after.keys()
         for name, values in before.items():
             assert after[name].dtype == values.dtype and np.array_equal(after[name], values), name
-
-
-# --- CalculiX
-
-
-INNER, OUTER = 10.0, 14.0
-
-
-def tables(path: Path, columns: int) -> Iterator[np.ndarray]:
-    """The tables of a .dat file of CalculiX with so many numbers in a row."""
-    rows: list[list[str]] = []
-    for line in [*path.read_text().splitlines(), "end"]:
-        words = line.split()
-        if len(words) == columns and words[0].isdecimal():
-            rows.append(words)
-        elif rows and words:
-            yield np.array(rows, float)
-            rows = []
-
-
-def lame(core: tuple[float, float], shell: tuple[float, float], pressure: float) -> tuple[float, float, float]:
-    """Displacements outward at the outside and at the interface, mm, and the stress in the ball.
-
-    They are A r in a solid ball and B r + C / r^2 in a shell around it. Both are isotropic (E, nu), stick together, and
-    feel a pressure from outside: equal displacements and radial stresses at the interface, -p at the outside (Lame;
-    Timoshenko and Goodier, Theory of Elasticity, section 136).
-    """
-    k_core = core[0] / (3 * (1 - 2 * core[1]))
-    k, g = shell[0] / (3 * (1 - 2 * shell[1])), shell[0] / (2 * (1 + shell[1]))
-    equations = [
-        [INNER, -INNER, -1 / INNER**2],
-        [3 * k_core, -3 * k, 4 * g / INNER**3],
-        [0, 3 * k, -4 * g / OUTER**3],
-    ]
-    a, b, c = np.linalg.solve(equations, [0, 0, -pressure]).tolist()
-    return b * OUTER + c / OUTER**2, a * INNER, 3 * k_core * a
-
-
-@pytest.mark.skipif(not shutil.which("ccx"), reason="CalculiX (calculix-ccx) is not installed")
-def test_calculix_finds_what_lame_found_for_a_soft_shell_around_a_stiff_ball(tmp_path):
-    pair = nested(ball_surface(4, OUTER), {"white": ball_surface(4, INNER)})
-    balls = named_sets(surface_nodes_first(generate(pair, cell_size=1.6)[0])[0], inner=["white"], layers=[1, 1])
-    core, shell, pressure = (1000.0, 0.3), (250.0, 0.35), 10.0
-    abaqus.write(balls, tmp_path / "balls.inp")
-    # six displacements that hold the body without a force, as the pressure has none
-    centre, along_x, along_y = (
-        1 + int(np.linalg.norm(balls.points - place, axis=1).argmin()) for place in ([0, 0, 0], [8, 0, 0], [0, 8, 0])
-    )
-    lines = [
-        "*INCLUDE, INPUT=balls.inp",
-        *(f"*MATERIAL, NAME={name}\n*ELASTIC\n{e}, {nu}" for name, (e, nu) in (("grey", shell), ("white", core))),
-        "*SOLID SECTION, ELSET=layer_1, MATERIAL=grey",
-        "*SOLID SECTION, ELSET=layer_2, MATERIAL=grey",
-        "*SOLID SECTION, ELSET=core, MATERIAL=white",
-        "*STEP\n*STATIC",
-        f"*BOUNDARY\n{centre}, 1, 3\n{along_x}, 2, 3\n{along_y}, 3, 3",
-        f"*DSLOAD\ncortical_surface, P, {pressure}",
-        f"*NODE PRINT, NSET={abaqus.ALL_NODES}\nU",
-        "*EL PRINT, ELSET=core\nS",
-        "*END STEP",
-    ]
-    (tmp_path / "job.inp").write_text("\n".join(lines) + "\n")
-    done = subprocess.run(["ccx", "job"], cwd=tmp_path, capture_output=True, text=True, check=False)
-    assert done.returncode == 0 and "*ERROR" not in done.stdout, done.stdout
-    (moved,), (stress,) = (list(tables(tmp_path / "job.dat", columns)) for columns in (4, 8))
-    assert len(moved) == len(balls.points) and len(stress) == len(balls.sets.cells["core"])
-    radius = np.linalg.norm(balls.points, axis=1)
-    outward = np.einsum("ij,ij->i", moved[:, 1:], balls.points) / np.maximum(radius, 1e-9)
-    at_outside, at_interface, in_core = lame(core, shell, pressure)
-    outside, interface = (balls.sets.nodes[name] for name in ("cortical_surface", "white_interface"))
-    assert outward[outside].mean() == pytest.approx(at_outside, rel=0.02)
-    assert outward[interface].mean() == pytest.approx(at_interface, rel=0.03)
-    volumes = signed_volumes(balls.points, balls.cells[balls.sets.cells["core"]])
-    assert np.average(stress[:, 2:5].mean(axis=1), weights=volumes) == pytest.approx(in_core, rel=0.03)

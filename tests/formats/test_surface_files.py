@@ -26,6 +26,7 @@ from surface_files import (
 )
 
 from cortet.cohort import user_files
+from cortet.config import load
 from cortet.errors import InputError, StageError
 from cortet.formats.gifti import (
     hemisphere_of,
@@ -37,8 +38,9 @@ from cortet.formats.gifti import (
     write_surface,
 )
 from cortet.formats.hashing import input_sha256, sha256
+from cortet.formats.placement import placed
 from cortet.geometry.topology import enclosed_volume, surface_topology
-from cortet.meshes import CoordinateFrame, single_precision
+from cortet.meshes import CoordinateFrame, TriSurface, single_precision
 from cortet.solver_files.fields import with_fields
 
 # --- GIfTI
@@ -278,3 +280,13 @@ def test_a_field_takes_the_name_that_it_is_given_and_has_a_value_for_each_vertex
         shape_file(file, ("anything", values, "SHAPE")) if values is not None else file.unlink()
         with pytest.raises(InputError, match=f"a.shape.gii.*{word}"):
             with_fields(ball, {name: file})
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("m", 1000.0), ("um", 0.001)])
+def test_units(unit, factor):
+    ball, frame = ball_surface(), CoordinateFrame("NIFTI_XFORM_TALAIRACH")
+    surface = TriSurface(ball.points / factor, ball.faces, frame=frame)
+    made = placed(surface, load({"gate": {"unit": unit}}).placement())
+    assert made.points == pytest.approx(ball.points) and np.array_equal(made.faces, surface.faces)
+    assert made.frame == CoordinateFrame()
+    assert load({}).placement() is None and placed(surface, None) is surface

@@ -9,8 +9,6 @@ import pytest
 
 from cortet.geometry import kernel_cache
 
-KERNEL = "import numba\n\n\n@numba.njit(cache=True)\ndef doubled(x):\n    return 2 * x\n"
-
 
 @pytest.mark.parametrize(
     ("edited", "other"), [("kernels.py", True), ("room/called.py", True), ("constants.py", True), ("other.py", False)]
@@ -31,35 +29,6 @@ def test_an_edit_of_what_a_kernel_is_made_of_is_another_key(edited, other, tmp_p
     before = key()
     (tmp_path / edited).write_text((tmp_path / edited).read_text() + "# edited\n")
     assert (key() != before) == other
-
-
-def test_a_second_clone_compiles_nothing(tmp_path):
-    """The same source in another folder finds what the first one compiled; edited, it compiles."""
-    source = Path(kernel_cache.__file__).parents[2]
-    code = (
-        "from numba.core import event\n"
-        "from cortet.tiny import doubled\n"
-        "with event.install_recorder('numba:compile') as recorder:\n"
-        "    assert doubled(2) == 4\n"
-        "print(len(recorder.buffer))"
-    )
-    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
-    environment.pop("NUMBA_CACHE_DIR", None)
-
-    def compilations(clone: Path, kernel: str = KERNEL) -> int:
-        (clone / "cortet").mkdir(parents=True, exist_ok=True)
-        for path in ("__init__.py", "version.py", "geometry/__init__.py", "geometry/kernel_cache.py"):
-            (clone / "cortet" / path).parent.mkdir(exist_ok=True)
-            (clone / "cortet" / path).write_bytes((source / "cortet" / path).read_bytes())
-        (clone / "cortet/tiny.py").write_text(kernel)
-        done = subprocess.run(
-            [sys.executable, "-c", code], cwd=clone, env=environment, capture_output=True, text=True, check=True
-        )
-        return int(done.stdout)
-
-    assert compilations(tmp_path / "one") > 0
-    assert compilations(tmp_path / "two") == 0
-    assert compilations(tmp_path / "two", f"{KERNEL}# edited\n") > 0
 
 
 def test_without_a_place_for_caches_a_temporary_one_is_used_and_said(tmp_path):

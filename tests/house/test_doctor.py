@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -19,6 +21,12 @@ def broken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, st
         monkeypatch.setenv("PYTHONPATH", str(tmp_path))
 
     return breaks
+
+
+def test_windows_is_refused_with_what_to_use_instead():
+    code = "import sys; sys.platform = 'win32'; import cortet"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert "Windows Subsystem for Linux" in done.stderr
 
 
 @pytest.mark.thorough

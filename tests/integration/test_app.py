@@ -72,22 +72,6 @@ def run(installed: Path, *arguments: str, cwd: Path, **sections: Any) -> subproc
     return subprocess.run([*command, *options], cwd=cwd, env=environment, capture_output=True, text=True, check=False)
 
 
-def test_a_run_of_one_participant_leaves_tables_of_all_that_are_there(installed, dataset, tmp_path):
-    for session in ("b", "a"):
-        label = ["--participant-label", "01", "--session-label", session]
-        done = run(installed, "bids", "out", *label, cwd=tmp_path)
-        assert done.returncode == 0, done.stdout + done.stderr
-        assert done.stdout.splitlines()[-1].startswith("1 case: 1 certified; ")
-    assert run(installed, "bids", "out", "--participant-label", "02", cwd=tmp_path).returncode == 1
-    rows = [line.split("\t") for line in (tmp_path / "out/cohort/cohort_status.tsv").read_text().splitlines()]
-    states = {row[0]: row[rows[0].index("state")] for row in rows[1:]}
-    assert states == {
-        "sub-01_ses-a_hemi-L": "certified",
-        "sub-01_ses-b_hemi-L": "certified",
-        "sub-02_hemi-L": "failed",
-    }
-
-
 def test_participants_then_the_group_with_the_conventional_words(installed, dataset, tmp_path):
     one = run(
         installed, "bids", "out", "participant", "--participant-label", "sub-01", "--session-label", "a", cwd=tmp_path

@@ -7,7 +7,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -92,15 +91,6 @@ def test_a_twin_whose_jobs_were_killed_has_the_same_bits_after_the_other_stages_
         {name.replace(f"sub-{twin}", ""): meshes[name] for name in meshes if f"sub-{twin}" in name} for twin in "ab"
     )
     assert len(a) > 15 and a == b
-
-
-def test_a_job_that_failed_is_run_again_in_a_debugger(study):
-    (study.folder / "surfaces/a.surf.gii").write_text("no surface")
-    assert study.run("--skip-script-cleanup", STATUS).returncode != 0
-    (script,) = (study.folder / ".snakemake/scripts").glob("*.gate.py")
-    debugger = [sys.executable, "-m", "pdb", "-c", "continue", str(script)]
-    done = subprocess.run(debugger, cwd=study.folder, input="where\nq\n", check=False, capture_output=True, text=True)
-    assert "a.surf.gii: cannot be read as GIfTI" in done.stdout + done.stderr and "gate.py" in done.stdout
 
 
 def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study, tmp_path):

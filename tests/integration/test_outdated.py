@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cortet.cohort.sheet import PHANTOM, write_sheet
+from cortet.cohort.sheet import write_sheet
 from cortet.formats import vtu
 from cortet.formats.gifti import read_surface, write_fields
 from tests.integration.study import STATUS
@@ -60,12 +60,3 @@ def test_files_of_a_format_that_is_no_longer_asked_for_do_not_stay_beside_anothe
     study.jobs_of_run("meshes")
     study.jobs_of_run("--forcerun", "solver_ready", "--", "meshes")
     assert not study.files("sub-a/mesh/*.inp") and len(study.files("sub-a/mesh/*Solver_sets.vtu")) == 1
-
-
-def test_a_phantom_that_failed_and_became_a_file_is_certified(study):
-    first, second = study.cases()
-    study.write_cases([replace(first, surface=PHANTOM, scan_age=None), second])
-    study.run("meshes")
-    study.write_cases([first, second])
-    study.jobs_of_run(STATUS)
-    assert study.status()["sub-a_hemi-L"]["state"] == "certified"

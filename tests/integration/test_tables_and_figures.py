@@ -87,10 +87,6 @@ def test_figures_and_tables_are_written_in_every_form_and_shown_in_the_report(co
     assert {"report.html", *(f"{figure}.svg" for figure in figures)} <= names
 
 
-def test_nothing_of_the_experiments_is_part_of_all(finished):
-    assert not finished.files("*Published*") and not finished.files("table-*")
-
-
 def test_a_second_run_does_nothing_and_a_new_row_runs_its_case_and_the_tables(study):
     assert study.jobs_of_run("tables") == set()
     study.add_case(study.case("c"), surface(2))

@@ -4,21 +4,16 @@ meshtool itself cannot be installed from a package registry; small scripts stand
 """
 
 import sys
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cubes import cube_mesh
-from shapes import ball_surface
 
-from cortet.config.stages import Clean
 from cortet.errors import StageError
-from cortet.measure.certify import versions
 from cortet.measure.quality import quality
 from cortet.meshes import TetMesh
-from cortet.stages._meshtool import clean_with_meshtool, program_version
-from cortet.stages.clean import clean
+from cortet.stages._meshtool import clean_with_meshtool
 
 #: a script in place of the binary. As the real one does, it writes nothing and exits with 0 when no element is above
 #: the threshold; else it copies the mesh to -outmsh, moved by 0.001 mm, and then does its own `{twist}`
@@ -94,22 +89,3 @@ def test_every_bad_end_is_an_error_that_says_which(install, monkeypatch, tmp_pat
     install(twist)
     with pytest.raises(StageError, match=words):
         clean_with_meshtool(bad_mesh(), thresholds=[0.7])
-
-
-def test_a_pass_without_work_writes_nothing_and_the_next_one_takes_the_last_mesh(install):
-    """As after S3 of the published setting, where no element is above the first threshold."""
-    log, mesh = install(), bad_mesh()
-    worst = float(quality(mesh.points, mesh.cells).max())
-    result = clean_with_meshtool(mesh, thresholds=[(1 + worst) / 2, 0.5, 0.3])
-    assert [line.split()[2] for line in log.read_text().splitlines()] == ["pass0", "pass0", "pass2"]
-    assert np.allclose(result.points - mesh.points, [0.002, 0, 0], atol=1e-7)
-
-
-def test_the_certificate_names_the_program_by_its_hash(install):
-    install()
-    mesh = bad_mesh()
-    _, report = clean(
-        mesh, ball_surface(1), Clean(thresholds=[0.5], boundary="free", improve_mean=False, backend="meshtool")
-    )
-    assert report.program_version == program_version() and program_version().startswith("sha256:")
-    assert versions({"clean": asdict(report)})["meshtool"] == program_version()

@@ -7,11 +7,8 @@ import pytest
 from shapes import ball_surface
 
 import cortet
-from cortet.cli import main
 from cortet.config.stages import Generate
 from cortet.errors import InputError
-from cortet.formats import vtu
-from cortet.formats.gifti import write_surface
 from cortet.geometry.nesting import nested
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import FloatArray, TetMesh
@@ -51,16 +48,3 @@ def test_sizes_that_cannot_be_are_refused(sizes, word):
 def test_other_meshers_refuse_them():
     with pytest.raises(InputError, match="mesher cgal"):
         generate(ball_surface(3), Generate(sizes={"cortex": 0.5}), cell_size=1.0, mesher="cgal")
-
-
-def test_the_command_takes_sizes(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write_surface(ball_surface(4, radius=10.0), tmp_path / "ball.surf.gii")
-    command = ["mesh", "ball.surf.gii", "--cell-size", "2", "-o", "ball.vtu"]
-    assert main(command) == 0
-    first = len(vtu.read(tmp_path / "ball.vtu").cells)
-    assert main([*command, "--size", "cortex=1.4"]) == 0
-    assert len(vtu.read(tmp_path / "ball.vtu").cells) > first
-    assert main([*command, "--size", "thalamus=1"]) == 1
-    with pytest.raises(SystemExit):
-        main([*command, "--size", "fine"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import asdict
 from typing import Any
 
@@ -12,25 +11,18 @@ import pandas as pd
 import pytest
 from cubes import cube_mesh
 
-from cortet.formats.tables import names
 from cortet.measure.checks import Number, checked
 from cortet.measure.quality import summarise
-from cortet.paper.ablation import ABLATION, ablation_table
+from cortet.paper.ablation import ablation_table
 from cortet.paper.mesh_tables import (
-    MEASURES,
-    RESOLUTION,
     exponent,
     measures_table,
     not_certified,
     resolution_table,
 )
 from cortet.report.records import Origin
-from cortet.report.table_files import Table, write
 
 AGES = {"sub-a": 28.0, "sub-b": 22.0}
-OF_MESHES = pytest.mark.parametrize(
-    ("table", "table_of"), [(RESOLUTION, resolution_table), (MEASURES, measures_table)], ids=["resolution", "measures"]
-)
 
 
 def record(n: int = 2, **of_q: float) -> dict[str, Any]:
@@ -51,20 +43,6 @@ def rows_of(table: pd.DataFrame) -> list[dict[str, Any]]:
     return table.astype(object).where(table.notna(), None).to_dict("records")
 
 
-def ours(*inputs: Any) -> list[dict[str, Any]]:
-    """Rows of this cohort in Table 1."""
-    return [row for row in rows_of(ablation_table(*inputs)) if row["source"] == "this cohort"]
-
-
-def printed(table: Table, name: str, row: dict[str, Any]) -> str:
-    """A cell as readers see it."""
-    (column,) = (column for column in table.columns if column.name == name)
-    return column.text(row)
-
-
-# --- Table 1: the ablation -------------------------------------------------------------------------------------------
-
-
 def test_stages_are_summarised_over_the_meshes_in_their_order():
     records = {
         at("a", "Cleaned", "published"): record(mean=0.128, max=0.50),
@@ -76,7 +54,7 @@ def test_stages_are_summarised_over_the_meshes_in_their_order():
         at("a", "Generated", None, size=1.0): record(mean=0.1, max=0.7),
         at("a", "Generated", None, mesher="tetgen"): record(mean=0.2, max=0.99),
     }
-    rows = ours(records, {}, {}, {})
+    rows = [row for row in rows_of(ablation_table(records, {}, {}, {})) if row["source"] == "this cohort"]
     assert [(row["cell_size_mm"], row["configuration"], row["setting"]) for row in rows] == [
         (0.6, "CGAL only", None),
         (0.6, "+ cleaning (S4)", "default"),
@@ -91,27 +69,6 @@ def test_stages_are_summarised_over_the_meshes_in_their_order():
     assert (first["meshes"], first["failed"], first["tets_total"]) == (2, 0, 96)
 
 
-def test_what_failed_is_told_with_its_reason():
-    reports = {at("a", "Generated", None, "netgen"): {"failure": "netgen crashed (SIGSEGV)"}}
-    missing = {at("b", "Cleaned"): "relocate: Gmsh failed", at("c", "Cleaned"): "clean: too bad"}
-    cleaned, crashed = ours({at("a", "Cleaned"): record(max=0.4)}, reports, missing, {})
-    assert (cleaned["meshes"], cleaned["failed"]) == (1, 2)
-    assert cleaned["remarks"] == "sub-b: relocate: Gmsh failed; sub-c: clean: too bad"
-    assert (crashed["configuration"], crashed["meshes"], crashed["failed"]) == ("Netgen only", 0, 1)
-    assert crashed["remarks"] == "sub-a: netgen crashed (SIGSEGV)" and crashed["q_max_median"] is None
-
-
-def test_reference_meshes_and_the_published_table_stand_below():
-    records, references = {at("a", "Generated", None): record()}, {"tallinen": record(max=0.811, above=15)}
-    rows = rows_of(ablation_table(records, {}, {}, references))
-    assert [row["source"] for row in rows] == ["this cohort", "reference mesh"] + 5 * ["arXiv:2607.12157"]
-    assert rows[1]["q_max_median"] == 0.811
-    assert [row["q_above_0.6_median"] for row in rows[2:]] == [15955, 15, 888, 191, 0]
-
-
-# --- Table 2 and other measures: one row per mesh --------------------------------------------------------------------
-
-
 def test_cells_of_half_the_size_are_eight_times_as_many():
     sizes = pd.DataFrame({"cell_size_mm": [0.4, 0.8], "tets": [8000, 1000]})
     slope, error = exponent(sizes)
@@ -121,7 +78,6 @@ def test_cells_of_half_the_size_are_eight_times_as_many():
     # residuals of the logarithms are log 1.1 / 3 times 1, -2, 1; x has 2 (log 2)^2 around its mean
     assert slope == pytest.approx(-3)
     assert error == pytest.approx(np.log(1.1) / 3 * np.sqrt(6) / (np.log(2) * np.sqrt(2)))
-    assert printed(RESOLUTION, "exponent", {"exponent": slope, "exponent_se": error}) == "-3.00 ± 0.08"
 
 
 def test_rows_are_in_the_order_of_age_and_cell_size_before_the_published_ones():
@@ -134,16 +90,8 @@ def test_rows_are_in_the_order_of_age_and_cell_size_before_the_published_ones():
     assert [row["exponent"] for row in rows[3:]] == pytest.approx(9 * [-3], abs=0.02)
 
 
-def test_measures_are_the_largest_of_each_record_and_the_published_range():
-    content = record()
-    mine, theirs = rows_of(measures_table({at("a"): content}, {}, AGES))
-    assert mine["one_minus_mean_ratio_max"] == content["one_minus_mean_ratio"]["max"]
-    assert mine["q_max"] == content["q"]["max"]
-    assert theirs["one_minus_radius_ratio_range"] == "0.422-0.497"
-
-
-@OF_MESHES
-def test_a_mesh_that_is_missing_or_not_certified_says_why(table, table_of, tmp_path):
+@pytest.mark.parametrize("table_of", [resolution_table, measures_table])
+def test_a_mesh_that_is_missing_or_not_certified_says_why(table_of, tmp_path):
     certificates = {}
     for case, limit in (("a", 0.6), ("b", 0.8)):
         check = asdict(checked(Number("worst_q", 0.7, limit, "use a smaller cell size")))
@@ -156,30 +104,3 @@ def test_a_mesh_that_is_missing_or_not_certified_says_why(table, table_of, tmp_p
     remarks = {row["case"]: row["remarks"] for row in rows}
     assert remarks["sub-a"] == "not certified: worst q 0.7, must be below 0.6" and remarks["sub-b"] is None
     assert (rows[2]["case"], rows[2]["q_max"], remarks["sub-c"]) == ("sub-c", None, "generate: too fine")
-
-
-# --- as files --------------------------------------------------------------------------------------------------------
-
-LONG = "gate: the surface is open along 3 edges"
-
-
-def rows_with_long_remarks(table: Table) -> pd.DataFrame:
-    """A table in which a case of a long name failed, and a mesh has no certificate."""
-    if table is ABLATION:
-        records = {at(case, "Generated", None): record(above=12_095) for case in "acd"}
-        return ablation_table(records, {}, {at("b", "Generated", None): LONG}, {"ball": record()})
-    mesh, missing, ages = at("a", setting="published"), {at("b_hemi-L"): LONG}, AGES | {"sub-b_hemi-L": None}
-    refused = {mesh: "worst q 0.7123, must be below 0.6; 2 handles"}
-    table_of = resolution_table if table is RESOLUTION else measures_table
-    return table_of({mesh: record()}, missing, ages, refused)
-
-
-@pytest.mark.parametrize("table", [ABLATION, RESOLUTION, MEASURES], ids=lambda table: table.title)
-def test_they_are_written_in_every_form(table, tmp_path):
-    tsv, sidecar, latex = (tmp_path / f"table.{suffix}" for suffix in ("tsv", "json", "tex"))
-    rows = rows_with_long_remarks(table)
-    write(table, rows, tsv, sidecar, latex)
-    header, *lines = tsv.read_text().splitlines()
-    assert header.split("\t") == names(table.columns) == list(json.loads(sidecar.read_text()))
-    assert len(lines) == len(rows) and LONG in tsv.read_text()
-    assert LONG in latex.read_text() and re.search(r"\b0\.6 &", latex.read_text())

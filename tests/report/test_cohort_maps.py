@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -10,10 +9,9 @@ import pytest
 from shapes import ball_mesh, ball_surface
 
 from cortet.errors import InputError
-from cortet.formats.gifti import read_fields, read_surface, write_surface
 from cortet.geometry.nesting import nested
 from cortet.meshes import TriSurface
-from cortet.report.cohort_maps import DISTANCE, case_map, mean_map, write_maps
+from cortet.report.cohort_maps import DISTANCE, case_map, mean_map
 
 
 def ball(radius: float) -> TriSurface:
@@ -46,20 +44,3 @@ def test_means_are_of_the_cases_that_have_a_field_and_labels_are_the_most_freque
         mean_map([])
     with pytest.raises(InputError, match="not all on one common mesh"):
         mean_map([ball(10.0), ball_surface(2)])
-
-
-def test_files_and_picture_are_written_alike_every_time(tmp_path):
-    files = {"sub-1_hemi-L": 20.0, "sub-2_hemi-L": 24.0}
-    for name, radius in files.items():
-        write_surface(ball(radius), tmp_path / name)
-    out = [tmp_path / name for name in ("mean.surf.gii", "maps.shape.gii", "maps.json", "figure.png")]
-    cases = [(name, str(tmp_path / name)) for name in files]
-    write_maps(cases, "L", *out)
-    assert not read_surface(out[0]).point_data and len(read_surface(out[0]).points) == 642
-    fields, sidecar = read_fields(out[1]), json.loads(out[2].read_text())
-    assert fields["height"] == pytest.approx(ball(22.0).point_data["height"], rel=1e-6)
-    assert fields["lobe"].dtype == np.int32
-    assert sidecar["Cases"] == list(files) and sidecar["CasesOfMap"] == {"height": 2, "lobe": 2}
-    before = out[3].read_bytes()
-    write_maps(cases, "L", *out)
-    assert out[3].read_bytes() == before and before[:4] == b"\x89PNG"

@@ -2,56 +2,44 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import re
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
-from matplotlib.image import imread, imsave
 
 from cortet.cohort.status import COLUMNS
-from cortet.folding.cohort_folding import COLUMNS as FOLDING
-from cortet.folding.cohort_folding import panel
 from cortet.formats.atomic import write_json
 from cortet.formats.tables import names
 from cortet.formats.tsv import write_tsv
 from cortet.report.cohort_page import ordered, write_cohort_page
-from cortet.report.results import PagePart
 
 MESH = {"cell_size_mm": "0.6", "mesher": "cgal"}
 #: a picture of no pixel
 DOT = "data:image/webp;base64,"
 
 
-def measured(**values: float) -> list[dict[str, str]]:
-    good = {**MESH, "state": "certified", "q_mean": "0.129"}
-    return [{**good, "case": case, "q_max": str(q)} for case, q in values.items()]
-
-
-WORST = measured(a=0.50, b=0.51, c=0.49, d=0.50, e=0.58, f=0.505)
+WORST = [
+    {**MESH, "state": "certified", "q_mean": "0.129", "case": case, "q_max": q}
+    for case, q in zip("abcdef", ("0.5", "0.51", "0.49", "0.5", "0.58", "0.505"), strict=True)
+]
 
 
 def other(case: str, state: str, **more: Any) -> dict[str, Any]:
     return {**MESH, "case": case, "state": state, **more}
 
 
-def written(folder: Path, rows: list[dict[str, Any]], quality: list[dict[str, Any]] = WORST, **more: Any) -> str:
-    """The page of a cohort of these rows of the status and of the quality table."""
+def written(folder: Path, rows: list[dict[str, Any]]) -> str:
+    """The page of a cohort of these rows of the status, and of its quality table."""
     write_tsv(rows, names(COLUMNS), folder / "status.tsv")
     tables = folder / "quality.tsv", folder / "quality.json"
-    if quality:
-        write_tsv(quality, list(quality[0]), tables[0])
-        write_json({"q_max": {"Description": "Largest q", "Threshold": "< 0.6"}}, tables[1])
+    write_tsv(WORST, list(WORST[0]), tables[0])
+    write_json({"q_max": {"Description": "Largest q", "Threshold": "< 0.6"}}, tables[1])
     meshes = [
         {**row, "cell_size_mm": 0.6, "scan_age": 26.0, "page": f"../{row['case']}.html", "thumbnail": DOT}
         for row in rows
-        if row["state"] != "excluded"
     ]
-    more = {"meshes": meshes, **more}
-    write_cohort_page(folder / "status.tsv", tables if quality else None, folder / "index.html", **more)
+    write_cohort_page(folder / "status.tsv", tables, folder / "index.html", meshes=meshes)
     return (folder / "index.html").read_text(encoding="utf-8")
 
 
@@ -67,25 +55,3 @@ def test_every_case_leads_to_its_page_whatever_the_order_of_the_tables(tmp_path)
     values = re.findall(r'data-value="([\d.]+)">0\.\d{4}</td>', page)
     assert {float(value) for value in values} == {0.129, *(float(row["q_max"]) for row in WORST)}, "to sort by"
     assert written(tmp_path, WORST[::-1]) == page
-
-
-def test_folds_and_maps_are_part_of_the_page(tmp_path):
-    mesh = {"case": "a", "cell_size_mm": 0.6, "mesher": "cgal"}
-    rows = [
-        {**mesh, "variant": "thin", "state": "failed", "reason": "fold: killed"},
-        {**mesh, "variant": None, "state": "folded", "reason": "folded", "gyrification_index": 1.23456, "min_j": 0.5},
-    ]
-    write_tsv(rows, names(FOLDING), tmp_path / "folds.tsv")
-    (tmp_path / "folds.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg"><text>curves</text></svg>')
-    imsave(tmp_path / "maps.png", np.ones((4, 6, 3)))
-    folds = [{**mesh, "variant": variant, "folder": f"../a/Folded{variant or ''}"} for variant in (None, "thin")]
-    shown = panel(tmp_path / "folds.tsv", tmp_path / "folds.svg", folds)
-    more = [PagePart([str(tmp_path / "folds.tsv")], [], None, lambda: None, lambda: [shown])]
-    page = written(tmp_path, [other("a", "certified")], [], more=more, maps={"R": tmp_path / "maps.png"})
-    ((picture, words),) = re.findall(r'src="data:image/webp;base64,(.*?)" width="6" height="4" alt="(.*?)">', page)
-    assert imread(io.BytesIO(base64.b64decode(picture)), format="webp").min() > 250, "a white picture"
-    assert "right hemispheres" in words
-    section = page[page.index('id="folds"') :]
-    assert section.index("fold: killed") < section.index("1.235")
-    assert 'href="../a/Folded/folding.gif"' in section and "Foldedthin" not in section
-    assert "folds.tsv" in section and "curves</text>" in section

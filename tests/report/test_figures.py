@@ -17,7 +17,6 @@ ROWS = (
     "sub-2_hemi-R\tR\t28.5\t0.6\t970000\t0.131\t0.41\t0.04\tpass\n"
     "sub-3\tn/a\t28\t1\t450000\t0.133\t0.44\t0.05\tpass\n"
 )
-AGELESS = "sub-4_hemi-L\tL\tn/a\t0.6\t390000\t0.129\t0.4\t0.03\tpass\n"
 #: what the legend says of `ROWS`
 EACH = [
     "published (CORTET), $h$ = 0.6 mm ($n$ = 194)",
@@ -61,14 +60,6 @@ def test_each_panel_shows_every_mesh_in_front_of_the_published_ones(figure):
     assert labels(figure) == EACH
     (line,) = figure.axes[2].lines
     assert list(line.get_ydata()) == [0.6, 0.6]
-
-
-def test_meshes_of_unknown_age_are_left_out_unless_no_age_is_known(table):
-    table.write_text(HEADER + ROWS + AGELESS)
-    assert labels(cohort_figure(table)) == EACH
-    table.write_text(HEADER + AGELESS)
-    (points,) = cohort_figure(table).axes[0].collections
-    assert np.asarray(points.get_offsets()).tolist() == [[1, 390]]
 
 
 def test_a_mesh_that_is_not_certified_is_crossed_out(table):

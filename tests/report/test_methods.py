@@ -75,15 +75,6 @@ def test_it_counts_surfaces_and_names_what_was_left_out(records):
     assert "No surface was excluded." in methods_text(records, CASES[:3], {})
 
 
-def test_it_gives_the_parameters_of_each_stage_that_ran(records):
-    text = methods_text(records, CASES, {})
-    for part in ("h = 0.6 mm", "facet distance 0.5, 0.2, 0.1, 0.05 h", "boundary nodes fixed", "q > 0.7, 0.5, 0.3"):
-        assert part in text
-    assert "repaired" not in text and "fallback" not in text
-    published = methods_text([certificate(CASES[0], "published")], CASES, {})
-    assert "boundary nodes free" in published and "swaps" not in published
-
-
 def test_what_was_used_is_cited_and_nothing_that_is_only_installed():
     cgal, default = meshed("cgal"), meshed("default")
     assert cited([cgal, default]) == ["cortet", "cortetsoftware", "tetgen", "cgal", "gmsh", "numpy", "scipy", "numba"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -25,30 +26,15 @@ def wrong_sign(mesh: TetMesh) -> TetMesh:
     return replace(mesh, cells=mesh.cells[:, [0, 1, 3, 2]])
 
 
-def inward_face(mesh: TetMesh) -> TetMesh:
-    faces = mesh.sets.faces["cortical_surface"].copy()
-    faces[7] = faces[7, ::-1]
-    return with_cortical_faces(mesh, faces)
-
-
-def missing_face(mesh: TetMesh) -> TetMesh:
-    return with_cortical_faces(mesh, np.delete(mesh.sets.faces["cortical_surface"], 7, axis=0))
-
-
-def repeated_face(mesh: TetMesh) -> TetMesh:
-    faces = mesh.sets.faces["cortical_surface"]
-    return with_cortical_faces(mesh, np.concatenate([faces, faces[:1]]))
-
-
-def inner_face(mesh: TetMesh) -> TetMesh:
-    deepest = next(cell for cell in mesh.cells if len(mesh.points) - 1 in cell)
-    return with_cortical_faces(mesh, np.concatenate([mesh.sets.faces["cortical_surface"], [deepest[:3]]]))
-
-
-def with_cortical_faces(mesh: TetMesh, faces: np.ndarray) -> TetMesh:
+def faces_changed(change: Callable[[np.ndarray], np.ndarray]) -> Callable[[TetMesh], TetMesh]:
     """Only the division of the surface, with other faces of the cortical surface."""
-    parts = {"cortical_surface": faces, "medial_wall": mesh.sets.faces["medial_wall"]}
-    return replace(mesh, sets=MeshSets({}, parts, {}))
+
+    def changed(mesh: TetMesh) -> TetMesh:
+        parts = {name: mesh.sets.faces[name] for name in ("cortical_surface", "medial_wall")}
+        parts["cortical_surface"] = change(parts["cortical_surface"])
+        return replace(mesh, sets=MeshSets({}, parts, {}))
+
+    return changed
 
 
 def interior_node_first(mesh: TetMesh) -> TetMesh:
@@ -78,10 +64,10 @@ def field_not_finite(mesh: TetMesh) -> TetMesh:
     [
         (swapped_node_pair, "number 5"),
         (wrong_sign, "384 of 384"),
-        (inward_face, "inward.* number 8"),
-        (missing_face, "1 .*missing"),
-        (repeated_face, "1 .*more than once"),
-        (inner_face, "not boundary faces"),
+        (faces_changed(lambda faces: np.vstack([faces[:7], faces[7:8, ::-1], faces[8:]])), "inward.* number 8"),
+        (faces_changed(lambda faces: np.delete(faces, 7, axis=0)), "1 .*missing"),
+        (faces_changed(lambda faces: np.vstack([faces, faces[:1]])), "1 .*more than once"),
+        (faces_changed(lambda faces: np.vstack([faces, [[0, 1, 124]]])), "not boundary faces"),
         (interior_node_first, "node 125"),
         (field_not_finite, "thickness.*finite"),
     ],

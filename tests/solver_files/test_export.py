@@ -109,21 +109,6 @@ def test_every_format_is_made_of_another_and_what_it_lacks_is_told(tmp_path, tar
         assert record["fields"]["thickness"]["source"] == "thickness.shape.gii"
 
 
-@pytest.mark.parametrize(
-    ("suffix", "written"),
-    [(".inp", ("dicke,", "dicke_2,", "NSET=grosse")), (".feb", ('"dicke"', '"dicke_2"', '"grosse"'))],
-)
-def test_names_in_other_letters_become_plain_ones_and_this_is_told(tmp_path, suffix, written):
-    mesh = surface_nodes_first(ball_mesh(2))[0]
-    fields = {"dïcke": np.ones(len(mesh.points)), "dicke": np.zeros(len(mesh.points))}
-    sets = MeshSets({"größe": np.arange(3, dtype=np.int32)})
-    vtu.write(replace(mesh, point_data=fields, sets=sets), tmp_path / "m.vtu")
-    told = convert(tmp_path / "m.vtu", tmp_path / f"n{suffix}", source_unit="mm")
-    assert {"dïcke was renamed to dicke", "dicke was renamed to dicke_2", "größe was renamed to grosse"} <= set(told)
-    text = "".join(file.read_text() for file in tmp_path.glob(f"n*{suffix}"))
-    assert [name for name in written if name not in text] == []
-
-
 @pytest.mark.parametrize("faces", [True, False])
 def test_sets_are_kept_on_the_way_to_another_format(tmp_path, faces):
     """Also of a VTU file that another program wrote: sets of nodes and tetrahedra, none of faces."""

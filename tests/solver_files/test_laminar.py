@@ -1,13 +1,9 @@
 """Depths of a cortex between two spheres, whose columns are radii: points, values and surfaces."""
 
-import shutil
 from pathlib import Path
 
-import gmsh
 import numpy as np
 import pytest
-import pyvista
-from read_back import READERS, by_gmsh
 from shapes import ball_surface
 
 import cortet
@@ -108,50 +104,6 @@ def test_project_takes_depths_in_percent_and_layers_along_columns(folder, tmp_pa
     outer = projected(folder, tmp_path, "--layer", "1")
     volume = np.linspace(PIAL**3, MIDDLE**3, 1000)
     assert np.abs(outer - np.cbrt(volume).mean()).max() < NEAR
-
-
-def test_layers_stay_with_a_mesh_that_is_converted_and_checked_again(folder, tmp_path):
-    mesh, again = tmp_path / "y.vtu", tmp_path / "y.inp"
-    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
-    cortet.convert(tmp_path / "x.vtu", again)
-    cortet.convert(again, mesh)
-    first, second = (cortet.certify(file).layers for file in (tmp_path / "x.vtu", mesh))
-    assert [(layer.number, layer.tetrahedra, layer.cut) for layer in first] == [
-        (layer.number, layer.tetrahedra, layer.cut) for layer in second
-    ]
-    assert [layer.number for layer in first] == [1, 2]
-    assert np.abs(projected(tmp_path, tmp_path, "--layer", "2", mesh="y.vtu") - 9.4).max() < 0.4
-
-
-def test_meshio_pyvista_and_gmsh_find_the_tetrahedra_of_each_layer(folder, tmp_path):
-    mesh = vtu.read(folder / "x.vtu")
-    number = np.zeros(len(mesh.cells), np.int32)
-    for layer in (1, 2):
-        number[mesh.sets.cells[f"layer_{layer}"]] = layer
-    assert np.array_equal(pyvista.read(folder / "x.vtu").cell_data["layer"], number)
-    cortet.convert(folder / "x.vtu", tmp_path / "x.inp")
-    found = READERS["abaqus"]["meshio"](tmp_path / "x.inp").sets
-    assert all(np.array_equal(found[f"layer_{layer}"], np.flatnonzero(number == layer)) for layer in (1, 2))
-    cortet.convert(folder / "x.vtu", tmp_path / "x.msh")
-    assert np.array_equal(view_of_gmsh(tmp_path / "x.msh", "layer")[-len(number) :], number)
-    assert main(["convert", str(folder / "x.vtu"), str(tmp_path / "groups.msh"), "--tags", "layer"]) == 0
-    groups = by_gmsh(tmp_path / "groups.msh")
-    assert groups.names[1] == "layer_1"
-    in_gmsh, own = (np.sort(cells, axis=1) for cells in (groups.cells[groups.region == 1], mesh.cells[number == 1]))
-    assert {*map(tuple, in_gmsh.tolist())} == {*map(tuple, own.tolist())}
-
-
-def view_of_gmsh(path: Path, name: str) -> np.ndarray:
-    """The values of a view of elements in a file, by the tags of the elements."""
-    gmsh.initialize(argv=[], readConfigFiles=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.open(str(path))
-        views = {gmsh.option.getString(f"View[{gmsh.view.getIndex(tag)}].Name"): tag for tag in gmsh.view.getTags()}
-        _, tags, values, _, _ = gmsh.view.getHomogeneousModelData(views[name], 0)
-        return np.asarray(values)[np.argsort(tags)]
-    finally:
-        gmsh.finalize()
 
 
 def test_the_command_layers_writes_a_surface_for_each_bound(folder, tmp_path, capsys):

@@ -159,6 +159,7 @@ def test_gmsh_measures_the_jacobian_that_was_certified(ball, tmp_path):
         gmsh.open(str(tmp_path / "ball.msh"))
         tags, _ = gmsh.model.mesh.getElementsByType(11)
         least = np.array(gmsh.model.mesh.getElementQualities(np.sort(tags), "minDetJac"))
+        triangles = gmsh.model.mesh.getElementsByType(9)[1].reshape(-1, 6)[:, :3]
         names = {gmsh.model.getPhysicalName(*group) for group in gmsh.model.getPhysicalGroups()}
     finally:
         gmsh.finalize()
@@ -166,6 +167,7 @@ def test_gmsh_measures_the_jacobian_that_was_certified(ball, tmp_path):
     bound = jacobian_bounds(corners, curved.points[curved.cells[:, 4:]]) * 6 * signed_volumes(mesh.points, mesh.cells)
     assert (bound <= least + 1e-9).all() and least.min() > 0
     assert "cortical_surface" in names
+    assert len(np.unique(np.sort(triangles, axis=1), axis=0)) == len(triangles) == len(boundary_surface(mesh)[0].faces)
 
 
 @pytest.mark.skipif(not shutil.which("ccx"), reason="calculix-ccx is not installed")

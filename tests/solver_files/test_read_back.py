@@ -4,45 +4,23 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import meshio
 import numpy as np
 import pytest
 from read_back import READERS, model
 
-from cortet.cli import main as cortet_command
 from cortet.errors import InputError
 from cortet.formats import FORMATS, read_mesh, vtu
 from cortet.formats.tags import region_numbers, regions
-from cortet.geometry.quadratic import quadratic
 from cortet.geometry.topology import boundary_faces, boundary_surface, compact
 from cortet.measure.certify import certify
 from cortet.meshes import REGION, TetMesh
 from cortet.solver_files.export import convert, export
-from cortet.solver_files.sets import named_sets, tagged
+from cortet.solver_files.sets import tagged
 from cortet.solver_files.sidecar import CHANGED, changed_since
-from cortet.solver_files.ten_nodes import write_ten_nodes
 
 CERTIFIED = {"certified": True, "reasons": []}
 #: formats that cortet reads
 READ = ["vtu", "abaqus", "fenics", "gmsh", "nastran", "carp"]
-
-
-def test_ten_nodes_for_gmsh_have_each_triangle_once_and_the_names_of_regions(tmp_path):
-    mesh = model()
-    parcels = {"half": np.where(mesh.points[:, 1] < 4, 1, 2).astype(np.int32)}
-    mesh = named_sets(replace(mesh, point_data=parcels), inner=["white"], tissues=["tissue"])
-    curved = quadratic(mesh, boundary_surface(mesh)[0])
-    told = write_ten_nodes(mesh, curved, tmp_path / "m.msh")
-    found = meshio.read(tmp_path / "m.msh")
-    corners = np.concatenate([block.data[:, :3] for block in found.cells if block.type == "triangle6"])
-    assert len(np.unique(np.sort(corners, axis=1), axis=0)) == len(corners)
-    assert {name: tag.tolist() for name, tag in found.field_data.items()} == {
-        "cortex": [1, 3],
-        "white": [2, 3],
-        "cortical_surface": [101, 2],
-        "white_interface": [112, 2],
-    }
-    assert any("half_1, half_2" in words for words in told) and any("tissue_3, tissue_7" in words for words in told)
 
 
 @pytest.mark.parametrize("strange", [7, 0, -1, 2**31 - 1, np.nan, 1.5])
@@ -58,16 +36,6 @@ def test_a_region_that_no_surface_bounds_is_refused(strange):
     for wrong in (region, mesh.cell_data[REGION][:, None], mesh.cell_data[REGION].astype(str)):
         with pytest.raises(InputError, match=r"1 cortex, 2 white"):
             certify(replace(mesh, cell_data={REGION: wrong}), surface)
-
-
-@pytest.mark.parametrize("suffix", [".pts", ".msh", ".bdf"])
-def test_labels_that_a_file_cannot_hold_beside_its_regions_are_said_and_may_take_their_place(suffix, tmp_path):
-    export(model(), tmp_path / "m.vtu", solver="vtu", certificate=CERTIFIED)
-    told = " ".join(convert(tmp_path / "m.vtu", tmp_path / f"m{suffix}", source_unit="mm"))
-    assert "tissue_left, tissue_right" in told and "--tags tissue" in told
-    command = ["convert", str(tmp_path / "m.vtu"), str(tmp_path / f"n{suffix}"), "--tags", "tissue"]
-    assert cortet_command(command) == 0
-    assert regions(read_mesh(tmp_path / f"n{suffix}")) == {"tissue_left": 3, "tissue_right": 7}
 
 
 def test_numbers_of_regions_do_not_wrap_and_those_that_no_format_holds_are_refused(tmp_path):

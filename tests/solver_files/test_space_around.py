@@ -11,7 +11,6 @@ from cortet.cli import main
 from cortet.errors import InputError
 from cortet.formats import vtu
 from cortet.formats.gifti import write_surface
-from cortet.formats.volumes import write_volume
 from cortet.meshes import region_names
 from cortet.solver_files.sets import with_regions
 
@@ -68,25 +67,6 @@ def test_a_brain_without_a_white_surface_has_a_cortex_by_depth(tmp_path):
     assert np.array_equal(
         with_regions(mesh, ["brain"]).cell_data["region"] == 2, np.isin(np.arange(len(centre)), sets["brain"])
     )
-
-
-def test_a_volume_of_the_brain_alone_is_in_place_within_a_skull(tmp_path):
-    inside = np.linalg.norm(np.indices((21, 21, 21)) - 10, axis=0) < 10
-    affine = np.eye(4)
-    affine[:3, 3] = -10
-    write_volume(inside.astype(np.int16), affine, tmp_path / "dseg.nii.gz")
-    given = {"inner": {"brain": ball_surface(4, radius=10.0)}, "volumes": {"tissue": tmp_path / "dseg.nii.gz"}}
-    made = cortet.mesh(SKULL, H, **given, progress=False)
-    rows = made.tissues().set_index("label")
-    assert rows.loc[1, "volume_ml"] == pytest.approx(4 / 3 * np.pi, rel=0.1)
-    write_volume(inside.astype(np.int16), affine + 6 * np.eye(4, k=3), tmp_path / "dseg.nii.gz")
-    with pytest.raises(InputError, match="outside the volume|shifted"):
-        cortet.mesh(SKULL, H, **given, progress=False)
-
-
-def test_a_brain_with_space_around_it_is_not_folded(made):
-    with pytest.raises(InputError, match="csf"):
-        cortet.fold(made, ga=24, progress=False)
 
 
 def test_the_command_records_and_checks_again(tmp_path, monkeypatch, capsys):

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from shapes import ball_surface, one_sided, real_surface, torus
+from shapes import ball_surface, one_sided, torus
 
 from cortet.config.stages import Gate
 from cortet.errors import InputError
@@ -138,10 +138,3 @@ def test_anything_else_is_refused_with_the_file_and_a_remedy(surface, word):
 
 def test_handles_pass_for_those_who_know():
     assert gate(TORUS, Gate(allow_genus=1), source="x")[1].genus == 1
-
-
-def test_a_real_surface_with_crossing_triangles_is_mended():
-    passed, report = gate(real_surface("defects/macaque_lh.NMT.wm_selfintersecting"), source="x")
-    assert not len(self_intersections(passed))
-    assert report.crossing_faces_repaired == 20
-    assert report.repair_moved_vertices < 100 and report.repair_max_displacement_mm < 0.5

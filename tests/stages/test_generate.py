@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from shapes import ball_surface, horseshoe, real_surface, torus
+from shapes import ball_surface, horseshoe, torus
 
 from cortet.config.stages import Generate
 from cortet.errors import InputError
@@ -146,13 +146,6 @@ def test_a_seed_makes_another_mesh_of_the_same_surface_with_cgal_too():
     assert len(usual.points) != len(turned.points) or not np.allclose(usual.points, turned.points)
     nodes = turned.points[boundary_nodes(turned)]
     assert closest_points(surface_tree(ball.points, ball.faces), nodes).distances.max() < 1e-3
-
-
-def test_the_narrow_sulci_of_a_real_brain_are_kept_open():
-    surface = real_surface("folded/macaque_lh.YRK.wm")
-    _, report = generate(surface, Generate(backend="cgal", **REFINEMENT_ONLY), cell_size=1.0, mesher="cgal")
-    assert report.attempts[0].boundary.nonmanifold_edges > 0
-    assert report.topology_ok and report.facet_distance_mm == pytest.approx(0.2 * report.cell_size_mm)
 
 
 OPENED = TriSurface(ball_surface(2).points, ball_surface(2).faces[1:])

@@ -8,7 +8,7 @@ import breakages
 import numpy as np
 import pytest
 import trimesh
-from shapes import ball_surface, can, one_sided, real_surface, torus
+from shapes import ball_surface, can, one_sided, torus
 
 from cortet.config.stages import Repair
 from cortet.errors import InputError
@@ -208,10 +208,3 @@ def test_a_cap_has_the_same_bits_whatever_memory_holds():
         held.append([bytearray(100 + count) for _ in range(count)])
         again, _ = repair(shape, Repair(max_loop=200.0, max_volume_change=0.9), source="x")
         assert np.array_equal(again.points, first.points) and np.array_equal(again.faces, first.faces)
-
-
-def test_a_real_brain_glued_by_doubled_faces_becomes_one_ball():
-    made, report = repaired(real_surface("defects/fetomorph_GW29_asis_nonmanifold"))
-    assert report.steps[0].count == 740
-    assert report.surface_to_file_mm.max < 1e-5
-    assert surface_topology(made.faces).genus == 0
