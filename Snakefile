@@ -40,7 +40,6 @@ rule all:
     """Everything: meshes with their records and pages, solver files, cohort tables and figures."""
     default_target: True
     input:
-        rules.dataset_description.output,
         lambda _: PLAN.solver_files(),
         lambda _: PLAN.quality_records(),
         COHORT_FILES,
@@ -56,7 +55,6 @@ rule meshes:
 rule participants:
     """Everything on single cases: solver files, certificates, pages, records, folding."""
     input:
-        rules.dataset_description.output,
         lambda _: PLAN.files_of_cases(),
         lambda _: FOLDS.files(),
 
@@ -64,5 +62,4 @@ rule participants:
 rule cohort:
     """Cohort tables and figures, a page per case and one on all."""
     input:
-        rules.dataset_description.output,
         COHORT_FILES,

@@ -4,23 +4,6 @@ Their inputs are functions: every job of a cluster reads these rules, and should
 """
 
 
-rule dataset_description:
-    """What BIDS wants to know of a folder of derivatives."""
-    output:
-        description=f"{OUT}/dataset_description.json",
-        ignore=f"{OUT}/.bidsignore",
-        descriptions=f"{OUT}/descriptions.tsv",
-    log:
-        LAYOUT.log("dataset_description", ()),
-    localrule: True
-    params:
-        version=__version__,
-        links=lambda _: Places(Path(OUT), Path(RAW)).links(path for case in CASES.values() for path in case.files),
-        meanings=lambda _: descriptions(SETTINGS),
-    script:
-        "../scripts/dataset_description.py"
-
-
 rule cohort_tables:
     """Quality, stages, tissues and states of all cases, and the citation of the run."""
     input:

@@ -15,9 +15,8 @@ from pathlib import Path
 from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 
-from cortet import __version__
 from cortet.cohort.app import require_plain_python
-from cortet.cohort.bids import Places, descriptions, require_own_output
+from cortet.cohort.bids import require_own_output
 from cortet.cohort.failures import made_otherwise
 from cortet.cohort.jobs import existing, existing_of
 from cortet.cohort.layout import EXPORTED, LABELS, SHARED, WILDCARDS, beside, inner_of

@@ -202,7 +202,7 @@ def run(
                 targets = [app.LEVELS[level] for level in asked]
                 if not selection.is_all:
                     own = replace(plan, chosen=names)
-                    targets = ["dataset_description", *own.files_of_cases(), *Folds(own).files()]
+                    targets = [*own.files_of_cases(), *Folds(own).files()]
                 code = app.snakemake(
                     work, targets, cores=most, profile=profile, dry_run=dry_run, verbose=common.verbose
                 )

@@ -118,15 +118,16 @@ def provenance(sources: Iterable[str | Path], reference: str | Path | None, plac
     return {"Sources": list(uris)} | ({} if reference is None else {"SpatialReference": places.uri(reference)})
 
 
-def write_dataset_description(description: Path, ignore: Path, links: Mapping[str, str]) -> None:
-    """Write `dataset_description.json` and `.bidsignore`.
+def describe(output: Path, links: Mapping[str, str], meanings: Mapping[str, str]) -> None:
+    """Write what a folder of derivatives is: its description, what BIDS should ignore, and what its names mean.
 
     Parameters
     ----------
-    links : from `Places.links`, relative to the folder of the description, so that all can be moved together
+    links : from `Places.links`, relative to the folder, so that all can be moved together
+    meanings : from `descriptions`
     """
     named = {name: quote(place) for name, place in links.items()}
-    sources = [{"URL": named[name], **_citable(description.parent / place)} for name, place in links.items()]
+    sources = [{"URL": named[name], **_citable(output / place)} for name, place in links.items()]
     write_json(
         {
             "Name": "cortet: certified tetrahedral meshes of cortical surfaces",
@@ -136,10 +137,15 @@ def write_dataset_description(description: Path, ignore: Path, links: Mapping[st
             **({"SourceDatasets": sources, "DatasetLinks": named} if links else {}),
             "ReferencesAndLinks": [PAPER],
         },
-        description,
+        output / DESCRIPTION,
     )
-    with atomic_path(ignore) as temporary:
+    with atomic_path(output / ".bidsignore") as temporary:
         temporary.write_text("".join(f"{pattern}\n" for pattern in IGNORED), encoding="utf-8")
+    rows = [{"desc_id": f"desc-{label}", "description": text} for label, text in meanings.items()]
+    write_tsv(rows, ["desc_id", "description"], output / "descriptions.tsv")
+    if not (readme := output / "README.md").exists():  # its owner may have changed it
+        with atomic_path(readme) as temporary:
+            temporary.write_text(_README, encoding="utf-8")
 
 
 def require_own_output(output: Path, dataset: Path | None) -> None:
@@ -208,19 +214,6 @@ def descriptions(settings: Mapping[str, Config]) -> dict[str, str]:
             how = f"mesher {mesher}" + (f", setting {setting.setting}" if apart else "")
             found[f"{mesher}{apart}{stage.label}"] = f"{_sentence(stage.does)} ({how})"
     return found
-
-
-def write_descriptions(meanings: Mapping[str, str], path: Path) -> None:
-    """Write `descriptions.tsv`."""
-    rows = [{"desc_id": f"desc-{label}", "description": text} for label, text in meanings.items()]
-    write_tsv(rows, ["desc_id", "description"], path)
-
-
-def write_readme(path: Path) -> None:
-    """Write what lies where in the output folder, unless there is such a file: its owner may have changed it."""
-    if not path.exists():
-        with atomic_path(path) as temporary:
-            temporary.write_text(_README, encoding="utf-8")
 
 
 def _sentence(does: str) -> str:

@@ -39,8 +39,8 @@ def test_a_prepared_folder_runs_and_swallows_no_target(study):
     done = snakemake(study, "--dry-run")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "  sub-a_hemi-L: gate, " in done.stdout and "cohort_page" in done.stdout
-    done = snakemake(study, "--dry-run", "meshes", "dataset_description")
-    assert "cohort_page" not in done.stdout and "dataset_description" in done.stdout, done.stdout + done.stderr
+    done = snakemake(study, "--dry-run", "meshes")
+    assert "cohort_page" not in done.stdout and "solver_ready" in done.stdout, done.stdout + done.stderr
     (study / "cohort.tsv").unlink()
     done = snakemake(study, "--dry-run")
     assert "no such sheet (create the sheet: cortet cohort scan DATASET -o cohort.tsv)" in done.stdout + done.stderr

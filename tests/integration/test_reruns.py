@@ -154,8 +154,7 @@ def test_a_raised_version_of_s4_reruns_s4_onwards(study):
 
 def test_a_bypassed_stage_does_not_occur(study):
     study.config["clean"] = {"enabled": False}
-    described = {("dataset_description", "-")}  # descriptions.tsv names what there is
-    assert study.planned_jobs() == jobs(FROM_CLEAN - {"clean"}, "a", "b") | COHORT | described
+    assert study.planned_jobs() == jobs(FROM_CLEAN - {"clean"}, "a", "b") | COHORT
 
 
 def test_bad_cases_do_not_stop_the_others_and_nothing_of_an_earlier_run_passes_for_this_one(study):
