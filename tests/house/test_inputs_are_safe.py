@@ -120,13 +120,17 @@ def test_no_command_changes_or_deletes_a_file_that_was_there(given, tmp_path, mo
     before = contents(given, GIVEN)
     (tmp_path / "link").symlink_to(given)
     inputs = words.replace("=", " ").replace(":", " ").split()
-    own = [name for name in GIVEN if name in inputs]
-    targets = [*own, "notes.txt", "x.json", "ds/participants.tsv"] if "OUT" in words else []
-    targets = [*own, "notes.txt", "ds", "old", "."] if "DIR" in words else targets
-    for target, spelling, force in itertools.product(targets, SPELLINGS, ["", " --force"]):
+    own = [name for name in GIVEN if name in inputs] if re.search("OUT|DIR", words) else []
+    others = ["notes.txt", "x.json", "ds/participants.tsv"] if "OUT" in words else []
+    folders = ["notes.txt", "ds", "old", "."] if "DIR" in words else []
+    forced = "--force" not in inputs and inputs[0] not in ("cohort", "run")  # which the user may say of other files
+    attacks = [
+        *itertools.product(own, SPELLINGS, ["", " --force"] if forced else [""]),
+        *itertools.product(folders, SPELLINGS, [""]),
+        *itertools.product(others, SPELLINGS[:1], [""]),
+    ]
+    for target, spelling, force in attacks:
         place = spelling.format(target, link=tmp_path / "link")
-        if force and (force.strip() in inputs or inputs[0] in ("cohort", "run") or target not in own):
-            continue  # the user has said that this one may be replaced
         attack = re.sub(r"OUT[.\w]*|DIR", place, words) + force
         assert run(attack, given, monkeypatch) != 0, attack
         assert contents(given, GIVEN) == before, attack

@@ -129,7 +129,7 @@ def test_what_others_wrote_is_quoted_not_obeyed(tmp_path, certificate):
 def test_a_page_is_one_small_file_the_same_every_time_that_points_nowhere_else(tmp_path, page, certificate):
     markup = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
     assert not re.findall(r'(?:src|href|action)="(?!data:|#)[^"]*"', markup)
-    assert "@import" not in markup and "url(http" not in markup
+    assert "@import" not in markup and "url(http" not in markup and 'content="default-src &#39;none&#39;' in page
     assert len(page) < 1_500_000 and case_page(tmp_path, certificate) == page
 
 
