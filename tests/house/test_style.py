@@ -30,6 +30,14 @@ def test_nothing_to_say(command):
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+def test_snakemake_misses_nothing_but_environments_of_single_rules():
+    """All rules run in the environment of the workflow."""
+    tool = Path(sys.executable).with_name("snakemake")
+    done = subprocess.run([tool, "--lint"], cwd=ROOT, capture_output=True, text=True, check=False)
+    titles = set(re.findall(r"^ +\* (.*):$", done.stderr + done.stdout, flags=re.MULTILINE))
+    assert titles <= {"Specify a conda environment or container for each rule."}, done.stderr
+
+
 @pytest.mark.parametrize("kernels", KERNELS, ids=lambda path: path.stem)
 def test_kernels_divide_as_ieee_says_and_raise_nothing(kernels):
     """A flat element somewhere in a search has an infinite mu; it does not end the run."""
