@@ -37,31 +37,35 @@ def waited_for(rule, **wildcards):
     return getattr(checkpoints, rule).get(**wildcards).output["report"]
 
 
+def told_at_start():
+    """Checks and warnings for the user; jobs of a cluster, which read these rules, too, do without."""
+    for file in workflow.configfiles:  # Snakemake takes the last of two values of a key in silence
+        read(Path(file))
+    require_own_output(CONFIG.output, CONFIG.cohort.dataset)
+    require_free(CONFIG.output)
+    told = [*notices(CONFIG), *PLAN.notices(), *PLAN.edited_exports()]
+    if "sheet" in GIVEN.get("cohort", {}) and (defaults := keys_not_given(config, GIVEN)):
+        told.append(
+            f"config.yaml in {Path.cwd()} sets keys that your own configuration does not: {'; '.join(defaults)}"
+        )
+    if others := made_otherwise(PLAN):
+        told.append(
+            f"meshes with other settings or surfaces than the present ones: {sum(others.values())}. "
+            f"To remake those that this run does not: `snakemake --forcerun {' '.join(others)}`"
+        )
+    return told
+
+
 try:
     require_plain_python()
-    if workflow.is_main_process:
-        for file in workflow.configfiles:  # Snakemake takes the last of two values of a key in silence
-            read(Path(file))
     # the sheet is read here and never an input of a rule: a new row then runs one new case
     PLAN = replace(plan_of(config), waited_for=waited_for)
-    if workflow.is_main_process:
-        require_own_output(PLAN.config.output, PLAN.config.cohort.dataset)
-        require_free(PLAN.config.output)
     CONFIG, SETTINGS, CASES = PLAN.config, PLAN.settings, PLAN.cases
     RESULTS = results(PLAN)
+    for warning in told_at_start() if workflow.is_main_process else []:
+        logger.warning(warning)
 except CortetError as error:
     raise WorkflowError(str(error)) from None
-DEFAULTS = keys_not_given(config, GIVEN) if "sheet" in GIVEN.get("cohort", {}) else []
-if DEFAULTS:
-    logger.warning(f"config.yaml in {Path.cwd()} sets keys that your own configuration does not: {'; '.join(DEFAULTS)}")
-for notice in [*notices(CONFIG), *PLAN.notices(), *(PLAN.edited_exports() if workflow.is_main_process else [])]:
-    logger.warning(notice)
-
-if workflow.is_main_process and (others := made_otherwise(PLAN)):
-    logger.warning(
-        f"meshes with other settings or surfaces than the present ones: {sum(others.values())}. "
-        f"To remake those that this run does not: `snakemake --forcerun {' '.join(others)}`"
-    )
 
 FOLDS = Folds(PLAN)
 LAYOUT = PLAN.layout
