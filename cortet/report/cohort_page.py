@@ -132,7 +132,7 @@ def _cases(rows: pd.DataFrame, explained: Mapping[str, Any], states: Sequence[st
     ]
     records = rows.to_dict("records")
     table = pages.table(
-        f"All cases: {len(rows)} rows",
+        "All cases",
         columns,
         [_shown(row) for row in records],
         name="All cases",
