@@ -10,11 +10,13 @@ import json
 import logging
 import os
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal, cast
 
+from cortet.cohort.bids import Places, describe, descriptions
 from cortet.cohort.failures import with_failures
 from cortet.cohort.jobs import existing
 from cortet.cohort.layout import beside, filled
@@ -59,7 +61,7 @@ def plan_of(config: Mapping[str, Any]) -> Plan:
 
 
 def remember_run(plan: Plan, config: Mapping[str, Any], asked: Iterable[str]) -> None:
-    """Record the configuration of a run in its output folder, and the rules over all cases that it asks for.
+    """Describe the output folder of a run; record its configuration, and the rules over all cases that it asks for.
 
     Until the run has ended, the page of the cohort says that it is older, and meshes that the run makes again are
     unfinished in the table of states.
@@ -71,6 +73,8 @@ def remember_run(plan: Plan, config: Mapping[str, Any], asked: Iterable[str]) ->
         "folder": os.path.relpath(Path.cwd(), output),
     }
     write_json(record, output / RUN)
+    sources = Places(output, plan.raw).links(path for case in plan.cases.values() for path in case.files)
+    describe(output, sources, descriptions(plan.settings))
     _update_states(with_failures(plan), began=datetime.now().astimezone().strftime("%Y-%m-%d at %H:%M"))
 
 
@@ -314,6 +318,17 @@ def _figure(plan: Plan) -> list[str]:
     return files_of(plan, "figure-cohort", ".svg", ".pdf", ".png")
 
 
+def _figure_text(plan: Plan, table: Path) -> str:
+    """The SVG of the figure of a cohort: that of its file, or a new one if the table is newer."""
+    file = Path(_figure(plan)[0])
+    with suppress(OSError, UnicodeDecodeError):
+        if file.stat().st_mtime >= table.stat().st_mtime:
+            return file.read_text(encoding="utf-8")
+    from cortet.report.figures import cohort_figure, svg  # loads Matplotlib
+
+    return svg(cohort_figure(table, **_limits(plan)))
+
+
 def _limits(plan: Plan) -> dict[str, Any]:
     """The limit and the target of the worst q, which figures show."""
     return {"limit": plan.config.certify.q_max, "target": plan.config.target}
@@ -345,7 +360,6 @@ def _write_page(plan: Plan, *, began: str = "") -> None:
     tables = {name: [Path(path) for path in paths] for name, paths in _tables(plan).items()}
     quality, dataset = tables["quality"], plan.config.cohort.dataset
     measured = bool(plan.measured_certificates()) and quality[0].exists()
-    figure = Path(_figure(plan)[0])
     small = [Path(path) for path in plan.each_case(plan.layout.thumbnail).values()]
     write_cohort_page(
         tables["status"][0],
@@ -355,7 +369,7 @@ def _write_page(plan: Plan, *, began: str = "") -> None:
             {**row, "thumbnail": data_uri(file.read_bytes()) if file.exists() else None}
             for row, file in zip(plan.listed_on_page(), small, strict=True)
         ],
-        figure=figure.read_text(encoding="utf-8") if measured and figure.exists() else "",
+        figure=_figure_text(plan, quality[0]) if measured else "",
         maps={hemi: Path(files[-1]) for hemi, files in _maps(plan).items() if _exists(files[-1])},
         tissues=tables["tissues"][0] if plan.tissue_tables() else None,
         more=[part for part in folds_on_page(plan) if all(map(_exists, part.files))],

@@ -71,7 +71,7 @@ FOLDS = Folds(PLAN)
 LAYOUT = PLAN.layout
 OUT = LAYOUT.output
 # what BIDS URIs begin with
-RAW = str(CONFIG.cohort.dataset or CONFIG.cohort.sheet.parent)
+RAW = str(PLAN.raw)
 
 # names of wildcards of the jobs on a case, on one of its surfaces, and on a mesh
 CASE = ("folder", "case")

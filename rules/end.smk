@@ -9,7 +9,6 @@ import subprocess
 import sys
 
 from cortet.cohort.app import outcome, workflow as of_workflow
-from cortet.cohort.bids import Places, describe, descriptions
 from cortet.cohort.failures import with_failures
 from cortet.cohort.lock import hold, is_held_by_parent
 from cortet.cohort.outdated import set_aside
@@ -38,8 +37,6 @@ onstart:
     for moved in [] if workflow.touch else set_aside(PLAN, dropped=dropped):
         logger.warning(moved)
     remember_run(PLAN, config, ASKED)
-    sources = Places(Path(OUT), Path(RAW)).links(path for case in CASES.values() for path in case.files)
-    describe(Path(OUT), sources, descriptions(SETTINGS))
 
 
 def end_run(after):

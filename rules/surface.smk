@@ -86,6 +86,7 @@ rule resample:
     params:
         **stage_params("resample"),
         source=derived(PLAN.source),
+        column=derived(PLAN.column),
         to_mm=PLAN.placement,
         hemi=hemisphere,
     script:
@@ -109,6 +110,7 @@ rule gate:
         **stage_params("gate"),
         repair=partial(PLAN.arguments, "repair") if CONFIG.enabled("repair") else None,
         version_of_repair=version_of("stages.repair"),
+        column=derived(PLAN.column),
         to_mm=lambda wildcards: None if PLAN.is_resampled(wildcards) else PLAN.placement(wildcards),
         hemi=hemisphere,
     script:
@@ -149,6 +151,6 @@ rule separate:
         **asked("separate"),
     params:
         **stage_params("separate"),
-        inner=inner_of,
+        inner=derived(inner_of),
     script:
         "../scripts/separate.py"

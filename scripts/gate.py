@@ -14,7 +14,7 @@ from cortet.stages import STAGES
 
 source, repairs = job.arguments["source"], job.params.repair is not None
 if not job.input.surface:
-    raise missing_surface(source, column="inner" if job.wildcards.region else "surface")
+    raise missing_surface(source, column=job.params.column)
 require_hemisphere(job.input.surface, job.params.hemi)
 surface = placed(gifti.read_surface(job.input.surface, finite=not repairs), job.params.to_mm)
 if repairs:

@@ -13,7 +13,7 @@ from cortet.formats.placement import placed
 from cortet.stages import STAGES
 
 if not job.input.surface:
-    raise missing_surface(job.params.source, column="inner" if job.wildcards.region else "surface")
+    raise missing_surface(job.params.source, column=job.params.column)
 if not job.input.sphere:
     raise missing_surface(job.arguments["sphere_file"], column="sphere")
 for file in (job.input.surface, job.input.sphere):

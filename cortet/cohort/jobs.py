@@ -15,7 +15,7 @@ from typing import Any
 
 from cortet.cohort.layout import LABELS, SHARED, Layout, filled, inner_of, region_wildcard
 from cortet.cohort.resources import cost, expected_tets, expected_volume_ml, memory_to_ask_mb, minutes_to_ask
-from cortet.cohort.sheet import PHANTOM, Case
+from cortet.cohort.sheet import PHANTOM, Case, column_of
 from cortet.cohort.user_files import content
 from cortet.config import Config
 from cortet.errors import InputError
@@ -60,6 +60,11 @@ class Jobs:
     def config(self) -> Config:
         """Configuration of the line."""
         return self.settings[""]
+
+    @property
+    def raw(self) -> Path:
+        """The dataset that is meshed, or the folder of the cohort sheet."""
+        return self.config.cohort.dataset or self.config.cohort.sheet.parent
 
     @cached_property
     def layout(self) -> Layout:
@@ -216,6 +221,10 @@ class Jobs:
     def source(self, job: Job) -> str:
         """The user's file of the surface that a job is about."""
         return str(self._given_surface(job))
+
+    def column(self, job: Job) -> str:
+        """The column of the sheet that names that file."""
+        return column_of(inner_of(job))
 
     # --- the user's files ----------------------------------------------------------------------------------------
 

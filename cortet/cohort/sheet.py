@@ -26,6 +26,7 @@ from cortet.errors import InputError
 from cortet.formats.placement import UNITS
 from cortet.formats.tsv import read_tsv, read_uneven_tsv, refusal, write_tsv
 from cortet.geometry.limits import CELL_SIZE_MM, NAME, SCAN_AGES
+from cortet.meshes import region_names
 
 COLUMNS = ("participant_id", "session_id", "hemi", "scan_age", "surface", "include", "exclude_reason")
 #: value that stands, in column `surface`, for a synthetic cortex of the row's age and hemisphere, in column `inner` for
@@ -132,6 +133,7 @@ def read_sheet(path: Path) -> list[Case]:
         wrong = [miscounted[line]] if line in miscounted else list(_row_problems(row))
         if not wrong:
             cases.append(_case(row, path.parent))
+            wrong += _region_problems(cases[-1])
             name = cases[-1].name
             if (other := lines.setdefault(name.lower(), line)) != line:
                 wrong.append(
@@ -142,6 +144,14 @@ def read_sheet(path: Path) -> list[Case]:
     if found:
         raise refusal(found, path)
     return cases
+
+
+def _region_problems(case: Case) -> list[str]:
+    try:
+        region_names(case.inner)
+    except InputError as error:
+        return [f"columns {INNER}, {INNER_PREFIX}...: {error}"]
+    return []
 
 
 def read_header(path: Path) -> list[str]:
@@ -191,7 +201,7 @@ def _row(case: Case, folder: Path) -> dict[str, str | float | None]:
     """The row of a case in a sheet in `folder`; None for a missing value."""
     files = {
         "surface": case.surface,
-        **{_inner_column(name): file for name, file in case.inner.items()},
+        **{column_of(name): file for name, file in case.inner.items()},
         **({SPHERE: case.sphere} if case.sphere else {}),
         **{FIELD_PREFIX + name: file for name, file in case.fields.items()},
         **{VOLUME_PREFIX + name: file for name, file in case.volumes.items()},
@@ -279,9 +289,10 @@ def _phantom_problems(column: str, value: str, surface: str) -> Iterator[str]:
         yield f"column {column}: {value!r}, but a {PHANTOM} needs a hemisphere and an age (use {use})"
     both = column in (INNER, SPHERE) and value == surface
     if (column == SPHERE or _region(column)) and PHANTOM in (value, surface) and value not in MISSING and not both:
+        use = PHANTOM if column in (INNER, SPHERE) else "files"
         yield (
             f"column {column}: {value!r} cannot be combined with {surface!r} in the column surface "
-            f"(use {PHANTOM} in both columns, or n/a here)"
+            f"(use {use} in both columns, or n/a here)"
         )
 
 
@@ -297,8 +308,9 @@ def _region(column: str) -> str | None:
     return column.removeprefix(INNER_PREFIX) if column.startswith(INNER_PREFIX) else None
 
 
-def _inner_column(region: str) -> str:
-    return INNER if region == WHITE else INNER_PREFIX + region
+def column_of(region: str) -> str:
+    """The column that names the surface of a region; of the outer surface, if that is empty."""
+    return (INNER if region == WHITE else INNER_PREFIX + region) if region else "surface"
 
 
 def _is_cell_size(value: float | None) -> bool:

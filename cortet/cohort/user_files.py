@@ -16,7 +16,7 @@ from cortet.formats.untrusted import ELSEWHERE, content_is_elsewhere
 
 
 def missing_surface(source: object, *, column: str) -> InputError:
-    """The error for a surface of the sheet that is missing."""
+    """The error for a surface that is missing; `column` of the sheet names it."""
     if content_is_elsewhere(str(source)):
         return InputError(ELSEWHERE, file=source, remedy=f"datalad get {source}")
     return InputError("no such file", file=source, remedy=f"correct the column {column} of the cohort sheet")

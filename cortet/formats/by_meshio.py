@@ -69,8 +69,8 @@ def read(path: Path) -> TetMesh:
         if path.suffix == ".xdmf" and (beside := path.with_name(f"{path.stem}_facets.xdmf")).is_file():
             faces = _faces(_read_xdmf(beside))
         kinds = {block.type for block in found.cells}
-        if "tetra" not in kinds or kinds - _FLAT - {"tetra"}:
-            raise ValueError(f"its volume cells must be tetrahedra, but it has {', '.join(sorted(kinds)) or 'none'}")
+        if (solid := kinds - _FLAT) != {"tetra"}:
+            raise ValueError(f"its volume cells must be tetrahedra, not {', '.join(sorted(solid)) or 'none'}")
     except InputError:
         raise
     except Exception as error:  # whatever meshio raises for a file that is damaged or holds something else

@@ -99,9 +99,8 @@ def _rows(path: Path, columns: int, dtype: Any, *, kind: bytes = b"", headed: bo
     with by_library("a complete CARP element file", path):
         rows = np.loadtxt(io.BytesIO(body.replace(kind, b"")), dtype, ndmin=2)
         if rows.shape != (int(head) if headed else len(rows), columns):
-            raise ValueError(
-                f"it has {rows.shape[0]} rows of {rows.shape[1]} numbers, but needs {head.decode()} rows of {columns}"
-            )
+            needed = f"{head.decode()} rows of {columns}" if headed else f"rows of {columns}"
+            raise ValueError(f"it has {rows.shape[0]} rows of {rows.shape[1]} numbers, but needs {needed}")
     return rows
 
 

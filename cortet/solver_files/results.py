@@ -163,7 +163,7 @@ def on_surface(steps: Iterable[Step], weights: ToSurface, *, file: Path, mesh_fi
     if missing := int((np.diff(weights.nodes.indptr) == 0).sum()):
         what = "outside the mesh, or without a column of the cortex"
         if missing == weights.nodes.shape[0]:
-            raise InputError(f"all vertices are {what}", file=mesh_file, remedy="give a smaller depth")
+            raise InputError(f"all vertices are {what}", file=mesh_file, remedy="give another depth")
         told[f"{missing:,} vertices have no value (NaN): they are {what}"] = None
     for given in steps:
         if order is None or last is None or not _same_mesh(given.mesh, last):

@@ -196,7 +196,7 @@ def test_no_file_of_others_is_replaced_unless_forced_and_no_input_ever(ball, tmp
     made = cortet.mesh(source, COARSE, progress=False)
     theirs = tmp_path / "theirs.vtu"
     theirs.write_text("mine")
-    with pytest.raises(InputError, match="exists, and cortet did not write it"):
+    with pytest.raises(InputError, match="is not a file of cortet"):
         made.save(theirs)
     assert theirs.read_text() == "mine"
     made.save(theirs, force=True)

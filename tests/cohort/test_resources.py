@@ -17,7 +17,6 @@ from cortet.cohort.resources import (
 )
 from cortet.config.stages import Generate
 from cortet.geometry.topology import enclosed_volume
-from cortet.stages import STAGES
 from cortet.stages.generate import generate
 
 ROOT = Path(__file__).parents[2]
@@ -50,7 +49,6 @@ def test_the_profile_groups_every_rule_on_a_case_but_the_long_ones():
     profile = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text())
     grouped = {line.partition("=")[0] for line in profile["groups"]}
     rules = {rule.partition(":")[0] for rule in COSTS}
-    rules |= {f"{stage.name}_inner" for stage in STAGES.values() if stage.alone and stage.name in COSTS}
     long = {"generate", "fold", "fold_figures", "folded_surface"}
     assert rules - grouped == long and grouped <= rules
     assert profile["retries"] > 0

@@ -87,7 +87,8 @@ BAD: list[tuple[str, dict[str, str], str, str]] = [
     (SYNTHETIC, {"sphere": "a.gii"}, "sphere", "use phantom in both columns"),
     (GOOD, {"inner_core": "a.gii"}, "inner_core", "use another name"),
     (SYNTHETIC, {"inner": "a.gii"}, "inner", "use phantom in both columns"),
-    (SYNTHETIC, {"inner_v": "a.gii"}, "inner_v", "use phantom in both columns"),
+    (SYNTHETIC, {"inner_v": "a.gii"}, "inner_v", "use files in both columns"),
+    (GOOD, {"inner": "a.gii", "inner_White": "b.gii"}, "inner", "case is ignored"),
 ]
 
 

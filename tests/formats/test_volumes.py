@@ -122,8 +122,8 @@ def _cut(labels: NDArray[np.int16], path: Path, change: Callable[[bytes], bytes]
 BAD: dict[str, tuple[Callable[[Path, NDArray[np.int16]], Path], str]] = {
     "empty": (lambda path, labels: written(path, 0 * labels), "empty"),
     "no numbers": (lambda path, labels: written(path, np.full(labels.shape, np.nan, np.float32)), "empty"),
-    "metres by the header": (lambda path, labels: written(path, labels, METRES, "meter"), "metres"),
-    "metres": (lambda path, labels: written(path, labels, METRES), "metres"),
+    "metres by the header": (lambda path, labels: written(path, labels, METRES, "meter"), "in mm"),
+    "metres": (lambda path, labels: written(path, labels, METRES), "in mm"),
     "4-D": (lambda path, labels: written(path, np.stack([labels] * 4, axis=-1)), "tensor"),
     "2-D": (lambda path, labels: written(path, labels[0]), "shape"),
     "whole numbers as float": (lambda path, labels: written(path, labels.astype(np.float32)), "labels or"),
