@@ -275,9 +275,8 @@ def project(
     if layer is not None:
         bounds = bounds_of(made_from.get("layers") or [1]).tolist()
         if layer >= len(bounds):
-            what = (
-                f"has no layer {layer}: its sidecar states {len(bounds) - 1 if made_from.get('layers') else 0} layers"
-            )
+            count = len(bounds) - 1 if made_from.get("layers") else 0
+            what = f"has no layer {layer}: its sidecar states {count} layers"
             raise InputError(what, file=mesh, remedy="mesh with --layers, or give --depth")
         depth = Below(bounds[layer - 1], bounds[layer], relative=True)
     hemisphere = made_from.get("hemisphere") or hemisphere_of(file)

@@ -150,7 +150,7 @@ def _region_problems(case: Case) -> list[str]:
     try:
         region_names(case.inner)
     except InputError as error:
-        return [f"columns {INNER}, {INNER_PREFIX}...: {error}"]
+        return [f"column {INNER}: {error}"]
     return []
 
 
