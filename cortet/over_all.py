@@ -73,9 +73,15 @@ def remember_run(plan: Plan, config: Mapping[str, Any], asked: Iterable[str]) ->
         "folder": os.path.relpath(Path.cwd(), output),
     }
     write_json(record, output / RUN)
+    _describe(plan)
+    _update_states(with_failures(plan), began=datetime.now().astimezone().strftime("%Y-%m-%d at %H:%M"))
+
+
+def _describe(plan: Plan) -> None:
+    """Write what the output folder of a run is."""
+    output = Path(plan.layout.output)
     sources = Places(output, plan.raw).links(path for case in plan.cases.values() for path in case.files)
     describe(output, sources, descriptions(plan.settings))
-    _update_states(with_failures(plan), began=datetime.now().astimezone().strftime("%Y-%m-%d at %H:%M"))
 
 
 def run_record(output: Path) -> dict[str, Any]:
@@ -129,6 +135,8 @@ def report(output: Path, *, after: Literal["success", "failure"] | None = None) 
     for moved in set_aside(with_failures(plan)):
         logger.warning("%s", moved)
     plan = with_failures(plan)
+    if after is None:
+        _describe(plan)
     written = _write_failure_pages(plan)
     wanted = {None: {*asked, *OF_COHORT}, "failure": {*asked}, "success": set[str]()}[after]
     if Path(plan.layout.cohort_page).exists():
