@@ -147,6 +147,7 @@ def read_sheet(path: Path) -> list[Case]:
 
 
 def _region_problems(case: Case) -> list[str]:
+    """What is wrong with the names of the regions of a case, together."""
     try:
         region_names(case.inner)
     except InputError as error:
