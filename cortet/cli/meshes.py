@@ -276,7 +276,7 @@ def project(
         bounds = bounds_of(made_from.get("layers") or [1]).tolist()
         if layer >= len(bounds):
             count = len(bounds) - 1 if made_from.get("layers") else 0
-            what = f"has no layer {layer}: its sidecar states {count} layers"
+            what = f"has no layer {layer}: {count} layers are recorded for it"
             raise InputError(what, file=mesh, remedy="mesh with --layers, or give --depth")
         depth = Below(bounds[layer - 1], bounds[layer], relative=True)
     hemisphere = made_from.get("hemisphere") or hemisphere_of(file)

@@ -32,12 +32,15 @@ def exported_suffix(form: Format) -> str:
 #: end of the name of an exported file -> its format
 EXPORTED = {exported_suffix(form): name for name, form in FORMATS.items()}
 
+#: begin of the wildcard `region` of an inner surface
+_INNER = "_inner-"
+
 #: what each wildcard matches, except for wildcards that depend on the configuration
 WILDCARDS = {
     "folder": r"sub-[A-Za-z0-9]+(/ses-[A-Za-z0-9]+)?",
     "case": r"sub-[A-Za-z0-9]+(_ses-[A-Za-z0-9]+)?(_hemi-[LR])?",
     "res": r"[1-9][0-9]*",
-    "region": f"(_inner-{NAME})?",
+    "region": f"({_INNER}{NAME})?",
     "mesher": r"[a-z0-9]+",
 }
 
@@ -118,7 +121,7 @@ class Layout:
         known = {
             "res": "res-{res}um",
             "mesher": f"desc-{{mesher}}{''.join(f'{{{key}}}' for key in ('setting', 'variant') if key in found)}",
-            **{key: f"{key}-{{{key}}}" for key in ("hemi", "reference", "week")},
+            **{key: f"{key}-{{{key}}}" for key in ("reference", "week")},
             "suffix": "{suffix}",
         }
         parts = [name, *(text for key, text in known.items() if key in found)]
@@ -140,12 +143,12 @@ def filled(pattern: str, wildcards: Mapping[str, Any], **more: str) -> str:
 
 def region_wildcard(inner: str) -> str:
     """The wildcard `region` of a job on an inner surface."""
-    return f"_inner-{inner}"
+    return _INNER + inner
 
 
 def inner_of(wildcards: Mapping[str, Any]) -> str:
     """The inner surface that a job is about, by its region; empty for a job on the surface of the case."""
-    return str(wildcards.get("region", "")).removeprefix(region_wildcard(""))
+    return str(wildcards.get("region", "")).removeprefix(_INNER)
 
 
 def beside(path: str | Path, page: str | Path) -> str:

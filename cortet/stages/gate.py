@@ -94,7 +94,7 @@ def gate(
         if not inside:
             extents = np.ptp(oriented.points, axis=0).tolist()
             require_size(extents, enclosed_volume(oriented.points, oriented.faces) / 1000)
-        repaired, crossing = _uncross(oriented, source)
+        repaired, crossing = _uncross(oriented, named)
     except InputError as error:
         raise InputError(error.what, file=source, remedy=error.remedy) from None
     moved = np.linalg.norm(repaired.points - oriented.points, axis=1)
@@ -164,7 +164,7 @@ def require_size(extents: Sequence[float], volume: float, *, option: str = "gate
     )
 
 
-def _uncross(surface: TriSurface, source: Any) -> tuple[TriSurface, int]:
+def _uncross(surface: TriSurface, named: Any) -> tuple[TriSurface, int]:
     """Pull a few crossing triangles apart; returns also how many there were.
 
     On a macaque surface with 20 crossing triangles this moves 25 vertices by up to 0.42 mm, where MeshFix replaces 360
@@ -189,7 +189,7 @@ def _uncross(surface: TriSurface, source: Any) -> tuple[TriSurface, int]:
     _check_area(repaired, flat_faces(repaired.points, repaired.faces))
     logger.warning(
         "%s: %s; separated by moving %d vertices by up to %.3f mm",
-        source or "the surface",
+        named,
         found,
         (moved > 0).sum(),
         moved.max(),
