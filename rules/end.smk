@@ -37,6 +37,10 @@ onstart:
     for moved in [] if workflow.touch else set_aside(PLAN, dropped=dropped):
         logger.warning(moved)
     remember_run(PLAN, config, ASKED)
+    limit = workflow.scheduling_settings.max_jobs_per_timespan
+    if limit and (limit.max_jobs, limit.timespan) == (100, 1):  # nobody has asked for another one
+        # under a limit, Snakemake 9 looks at its queue once a second more for every job that has ended, to the end
+        workflow.scheduler.job_rate_limiter = None
 
 
 def end_run(after):

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import json
 import sys
-import threading
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -30,8 +29,6 @@ _LAST, _FOLD, _EXPORTS = "solver_ready", "fold", ("export", "ten_nodes")
 _VERDICTS = ("certificate.json", "verdict.json")
 #: exception of a failed job, of which our own line says why
 _OF_JOBS = ("RuleException", "CalledProcessError")
-#: part of the name of what the timers of Snakemake's queue call
-_QUEUE = "JobScheduler"
 #: a live line is cut there, so that it stays one
 _WIDTH = 100
 
@@ -155,17 +152,6 @@ def shown(path: str) -> str:
     return str(Path(path).resolve()) if path.startswith("..") else path
 
 
-def end_older_timers() -> None:
-    """End all timers of Snakemake's queue but the last.
-
-    Snakemake 9 starts a timer at every look at its queue, and each ends in another look. So every finished job adds one
-    look per second, for good: after hundreds of jobs its own process takes a core.
-    """
-    queue = [one for one in threading.enumerate() if isinstance(one, threading.Timer) and _QUEUE in str(one.function)]
-    for timer in queue[:-1]:
-        timer.cancel()
-
-
 class LogHandler(LogHandlerBase):
     """Snakemake's logger plugin `cortet`: it sees every event, and has its own words unless all is to be shown."""
 
@@ -222,7 +208,6 @@ class LogHandler(LogHandlerBase):
                 wildcards = dict(known["wildcards"] or {})
                 progress.started(known["jobid"], known["rule_name"], wildcards, list(known["output"]))
             case LogEvent.JOB_FINISHED:
-                end_older_timers()
                 yield progress.ended(known["job_id"])
             case LogEvent.JOB_ERROR:
                 yield progress.failure(known["jobid"], next(iter(known["log"] or []), ""))

@@ -5,13 +5,11 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-import threading
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
-from snakemake_logger_plugin_cortet import Progress, end_older_timers
+from snakemake_logger_plugin_cortet import Progress
 
 ROOT = Path(__file__).parents[2]
 WILDCARDS = {"case": "sub-01_hemi-L", "res": "0600", "mesher": "lattice", "setting": ""}
@@ -71,23 +69,3 @@ def test_the_plugin_imports_nothing_of_cortet():
     code = "import sys, snakemake_logger_plugin_cortet; print([name for name in sys.modules if name[:6] == 'cortet'])"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
-
-
-def test_of_the_timers_of_the_queue_the_last_alone_stays():
-    class JobScheduler:
-        def look_again(self) -> threading.Timer:
-            timer = threading.Timer(60, lambda: self)
-            timer.start()
-            return timer
-
-    scheduler, other = JobScheduler(), threading.Timer(60, print)
-    other.start()
-    timers = [scheduler.look_again() for _ in range(3)]
-    end_older_timers()
-    for timer in timers[:-1]:
-        timer.join(5)
-    alive = [timer.is_alive() for timer in (*timers, other)]
-    for timer in (timers[-1], other):
-        timer.cancel()
-    assert alive == [False, False, True, True]
-    assert find_spec("snakemake.scheduling.job_scheduler"), "where Snakemake has the class of this name"
