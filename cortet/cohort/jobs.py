@@ -123,12 +123,13 @@ class Jobs:
         return [Path(self.file(pattern, mesh)) for pattern in patterns]
 
     def final_files(self, mesh: Mesh) -> dict[str, str]:
-        """The last mesh and the files for solvers -> what makes each; a file that was deleted is made again."""
+        """The last mesh, the files for solvers and their sidecars -> the rule of each; a deleted one is made again."""
         last = self.file(self.layout.mesh(LABELS["solver_ready"]), mesh)
-        return {last: "solver_ready", **{str(path): "export" for path in self.exports(mesh)}}
+        sidecars = [f"{self.file(one, mesh)}.json" for one in self.layout.solver_files(self.config.export.formats)]
+        return {last: "solver_ready", **dict.fromkeys([*map(str, self.exports(mesh)), *sidecars], "export")}
 
     def solver_files(self) -> list[str]:
-        """Last meshes, files for solvers, and certificates of all meshes."""
+        """Last meshes, files for solvers with their sidecars, and certificates of all meshes."""
         final = [path for mesh in self.meshes() for path in self.final_files(mesh)]
         return [*final, *self.each_case(self.layout.certificate).values()]
 

@@ -67,7 +67,7 @@ class Plan(Jobs):
         return [self.file(pattern, mesh) for mesh in self.measured() for pattern in patterns]
 
     def exported_files(self) -> list[str]:
-        """Last meshes, and files for solvers, of the meshes that did not fail."""
+        """Last meshes, and files for solvers with their sidecars, of the meshes that did not fail."""
         return [path for mesh in self.meshes() if mesh not in self.failures for path in self.final_files(mesh)]
 
     def exported(self, job: Job) -> dict[str, Any]:

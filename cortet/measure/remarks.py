@@ -57,7 +57,8 @@ def _coarse(regions: Sequence[RegionRecord], cell_size: float | None, layers: in
             if across.median < least:
                 size = cell_size * across.median / least if cell_size else 0.0
                 fine = f"; {size:.2g} mm is small enough for {least}" if size >= CELL_SIZE_MM[0] else ""
-                yield f"the {OUTERMOST} has a median of {across.median:g} elements across, too few for {purpose}{fine}"
+                elements = "element" if across.median == 1 else "elements"
+                yield f"the {OUTERMOST} has {across.median:g} {elements} across (median), too few for {purpose}{fine}"
 
 
 def _layers(layers: Sequence[LayerRecord]) -> Iterator[str]:

@@ -65,7 +65,13 @@ def test_a_report_leaves_out_certificates_that_it_cannot_read(study, damaged):
 
 
 @pytest.mark.parametrize(
-    ("deleted", "rule"), [("certificate.json", "solver_ready"), ("tetmesh.vtu", "solver_ready"), ("sets.vtu", "export")]
+    ("deleted", "rule"),
+    [
+        ("certificate.json", "solver_ready"),
+        ("tetmesh.vtu", "solver_ready"),
+        ("sets.vtu", "export"),
+        ("sets.vtu.json", "export"),
+    ],
 )
 def test_a_result_that_was_deleted_is_made_again_even_for_the_tables_alone(study, deleted, rule):
     (file,) = study.files(f"sub-a*Solver_{deleted}")
