@@ -1,6 +1,5 @@
 """Write one mesh for a solver, with its sets and a sidecar, if it is certified."""
 
-import json
 import logging
 from pathlib import Path
 
@@ -11,6 +10,7 @@ job = start(snakemake)
 from _exported import read_made
 
 from cortet.meshes import by_region
+from cortet.report.records import read_certificate
 from cortet.solver_files.export import export_made
 from cortet.solver_files.meshed import Origin
 
@@ -21,7 +21,7 @@ told = export_made(
     mesh,
     surface,
     Path(job.output.mesh),
-    certificate=json.loads(Path(job.input.certificate).read_text(encoding="utf-8")),
+    certificate=read_certificate(job.input.certificate),
     origin=Origin(
         job.params.given,
         by_region(Path(job.input.surface), inner),

@@ -1,6 +1,5 @@
 """Write one mesh with elements of ten nodes, in every format that is asked for, if it is certified."""
 
-import json
 from pathlib import Path
 
 from _job import start
@@ -10,6 +9,7 @@ job = start(snakemake)
 from _exported import read_made
 
 from cortet.geometry.quadratic import quadratic
+from cortet.report.records import read_certificate
 from cortet.solver_files.export import require_certified, with_sets
 from cortet.solver_files.meshed import Origin
 from cortet.solver_files.ten_nodes import write_ten_nodes
@@ -17,7 +17,7 @@ from cortet.solver_files.ten_nodes import write_ten_nodes
 job.require_unchanged_input()
 mesh, surface, named = read_made(job.input, job.params)
 mesh, _ = with_sets(mesh, surface, Origin(fields=job.params.paths), **named)
-certificate = json.loads(Path(job.input.certificate).read_text(encoding="utf-8"))
+certificate = read_certificate(job.input.certificate)
 targets = [Path(file) for file in job.output[:-1]]
 require_certified(mesh, certificate, targets[0], uncertified=job.arguments["uncertified"])
 curved = quadratic(mesh, surface, max_boundary_distance=job.params.max_boundary_distance)

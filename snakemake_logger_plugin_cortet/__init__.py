@@ -82,8 +82,6 @@ class Progress:
         if job is None or job.rule not in (_LAST, _FOLD):
             return ""
         (verdict,) = (Path(path) for path in job.output if path.endswith(_VERDICTS))
-        if not verdict.exists():  # after `--touch`
-            return ""
         record = json.loads(verdict.read_text(encoding="utf-8"))
         if job.rule == _FOLD:
             told = f"{record['reason']}; gyrification index {record['gyrification_index_last']:.2f}"
@@ -165,6 +163,8 @@ class LogHandler(LogHandlerBase):
         #: what is said at the end; until a run starts, it may be the answer to an option of Snakemake
         self._at_end: list[str] = []
         self._runs = False
+        #: whether jobs are taken as done, which says nothing of their meshes
+        self._only_touches = not {"--touch", "-t"}.isdisjoint(sys.argv)
         #: case -> how many jobs of each rule it has in a dry run
         self._plan: defaultdict[str, Counter[str]] = defaultdict(Counter)
 
@@ -207,6 +207,8 @@ class LogHandler(LogHandlerBase):
             case LogEvent.JOB_INFO:
                 wildcards = dict(known["wildcards"] or {})
                 progress.started(known["jobid"], known["rule_name"], wildcards, list(known["output"]))
+            case LogEvent.JOB_FINISHED if self._only_touches:
+                progress.running.pop(known["job_id"], None)
             case LogEvent.JOB_FINISHED:
                 yield progress.ended(known["job_id"])
             case LogEvent.JOB_ERROR:

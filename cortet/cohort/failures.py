@@ -32,7 +32,7 @@ _AFTER_A_KILL = "give the job more memory or time, and run again"
 #: why a mesh is unfinished although its case has one
 _OTHER_SIZE = "its mesh has a different cell size or mesher than requested"
 _OTHER = "its mesh was made with other settings or from another surface"
-_DAMAGED = "its certificate is damaged or from another version of cortet"
+_DAMAGED = "its certificate is damaged, edited, or from another version of cortet"
 
 
 @dataclass(frozen=True)
@@ -92,13 +92,15 @@ def with_failures(plan: Plan, *, ended: bool = True) -> Plan:
 
 def _state(plan: Plan, mesh: Mesh, certificate: Path, of_case: Sequence[Failure]) -> dict[str, Any] | None:
     """How a mesh failed, or that it is unfinished: `stage`, `state`, `reason`, `remedy` and `log` if it failed."""
-    job = plan.job(mesh)
+    job, stage = plan.job(mesh), first_other_stage(plan, mesh)
     for one in of_case:
+        if stage and one.rule in AFTER_CERTIFICATE:
+            continue  # it is the mesh or its certificate that has to be made again
         if one.is_about(res=job["res"], mesher=job["mesher"], setting="") and _counts(plan, job, certificate, one):
             words = {"reason": one.reason, "remedy": one.remedy}
             return {"stage": one.rule, "state": "failed", **words, "log": _inside(plan, one.log)}
     reason = "the run ended before this case was done"
-    if stage := first_other_stage(plan, mesh):
+    if stage:
         again = f"`snakemake --forcerun {_rule_of(stage)}` remakes it"
         if certificate.exists():
             reason = f"{_OTHER if certificate_of(certificate) else _DAMAGED}; {again}"
@@ -130,8 +132,6 @@ def _rule_of(stage: str) -> str:
 def _counts(plan: Plan, job: Mapping[str, str], certificate: Path, failure: Failure) -> bool:
     """Whether a job that failed is one that the plan still asks for."""
     case, wildcards, rule = plan.case(job), failure.wildcards, failure.rule
-    if rule in AFTER_CERTIFICATE and not certificate_of(certificate):
-        return False  # it is the certificate that has to be made again
     if rule not in AFTER_CERTIFICATE and certificate.exists() and failure.time < certificate.stat().st_mtime:
         return False  # the mesh has been made since
     stage, inner = STAGES.get(rule), inner_of(wildcards)

@@ -70,9 +70,13 @@ def failure_reason(log: Path) -> str:
 
 
 def certificate_of(path: str | Path) -> dict[str, Any]:
-    """Content of a certificate; empty if the file is missing, damaged, or of a version without `schema`."""
+    """Content of a certificate; empty if it is missing, damaged, edited, or of a version without `schema`.
+
+    A verdict that does not follow from the checks beside it was edited.
+    """
     content = json_of(Path(path))
-    return content if "schema" in content else {}
+    follows = content.get("certified") is all(check.get("passed") for check in content.get("checks", ()))
+    return content if "schema" in content and follows else {}
 
 
 def in_words(failure: Mapping[str, Any]) -> str:

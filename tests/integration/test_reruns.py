@@ -47,16 +47,18 @@ def test_nothing_reruns_after_a_fresh_checkout_with_every_file_touched(study):
     assert study.planned_jobs("--forceall") >= jobs(FROM_GATE, "a", "b") | COHORT
 
 
-@pytest.mark.parametrize("damaged", [True, False], ids=["damaged", "of an earlier version"])
-def test_a_report_leaves_out_certificates_that_it_cannot_read(study, damaged):
+@pytest.mark.parametrize("fault", ["damaged", "of an earlier version", "edited"])
+def test_a_report_leaves_out_certificates_that_it_cannot_believe(study, fault):
     table = study.outputs / "cohort/cohort_quality.tsv"
     before = table.read_bytes()
     report(study.outputs)
     assert table.read_bytes() == before
     (file,) = study.files("sub-b*_certificate.json")
     content = json.loads(file.read_text())
-    del content["schema"]
-    file.write_text("{}" if damaged else json.dumps(content))
+    if fault == "of an earlier version":
+        del content["schema"]
+    content["checks"][0]["passed"] = fault != "edited"  # its verdict does not follow from it
+    file.write_text("{}" if fault == "damaged" else json.dumps(content))
     (page,) = (study.logs / "case_page").rglob("sub-b*.log")
     wildcards = {"case": "sub-b_hemi-L", "res": "4000", "mesher": "lattice"}
     write_failure(page, "case_page", wildcards, KeyError("checks"))  # as the job that reads it leaves one
@@ -223,9 +225,13 @@ def test_an_uncertified_mesh_is_measured_but_not_exported(study):
     assert [row["state"] for row in study.status().values()] == ["uncertified"]
     assert "worst q" in study.status()["sub-a_hemi-L"]["reason"]
     assert not study.files("sub-a*_sets.vtu")
-    study.config["export"] = {"uncertified": True}
+    limits = study.config.pop("certify")
+    assert study.run("--touch").returncode == 0
+    report(study.outputs)
+    assert "forcerun solver_ready" in study.status()["sub-a_hemi-L"]["reason"], "of limits that hold no more"
+    study.config |= {"certify": limits, "export": {"uncertified": True}}
     ran = study.jobs_of_run()
-    assert ran - COHORT == jobs({"export", "case_page"}, "a"), "a page links what is exported"
+    assert ran - COHORT == jobs({"solver_ready", "export", "case_page"}, "a"), "a page links what is exported"
     assert ran >= COHORT
     assert study.files("sub-a*_sets.vtu")
 
