@@ -29,10 +29,10 @@ class Origin:
 
 
 def read_certificate(path: str | Path) -> dict[str, Any]:
-    """Content of a certificate; InputError if it is damaged, or has no `schema` as those of the first versions."""
+    """Content of a certificate; InputError if it is damaged, edited, or has no `schema` as those of the first versions."""
     content = certificate_of(path)
     if not content:
-        what = "is not a certificate from this version of cortet"
+        what = "is damaged, edited, or from another version of cortet"
         raise InputError(what, file=path, remedy="delete it, and run the cohort again")
     return content
 
