@@ -29,7 +29,7 @@ class Origin:
 
 
 def read_certificate(path: str | Path) -> dict[str, Any]:
-    """Content of a certificate; InputError if it is damaged, edited, or has no `schema` as those of the first versions."""
+    """Content of a certificate; InputError if `certificate_of` finds none that holds."""
     content = certificate_of(path)
     if not content:
         what = "is damaged, edited, or from another version of cortet"
