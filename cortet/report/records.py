@@ -32,7 +32,7 @@ def read_certificate(path: str | Path) -> dict[str, Any]:
     """Content of a certificate; InputError if `certificate_of` finds none that holds."""
     content = certificate_of(path)
     if not content:
-        what = "is damaged, edited, or from another version of cortet"
+        what = "the certificate is damaged, edited, or from another version of cortet"
         raise InputError(what, file=path, remedy="delete it, and run the cohort again")
     return content
 
