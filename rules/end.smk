@@ -39,7 +39,7 @@ onstart:
     remember_run(PLAN, config, ASKED)
     limit = workflow.scheduling_settings.max_jobs_per_timespan
     if limit and (limit.max_jobs, limit.timespan) == (100, 1):  # nobody has asked for another one
-        # under a limit, Snakemake 9 looks at its queue once a second more for every job that has ended, to the end
+        # with it, each finished job makes Snakemake 9 look at its queue once more per second until the run ends
         workflow.scheduler.job_rate_limiter = None
 
 

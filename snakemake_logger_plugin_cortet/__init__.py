@@ -82,6 +82,8 @@ class Progress:
         if job is None or job.rule not in (_LAST, _FOLD):
             return ""
         (verdict,) = (Path(path) for path in job.output if path.endswith(_VERDICTS))
+        if not verdict.exists():  # a profile may ask for `touch`, too
+            return ""
         record = json.loads(verdict.read_text(encoding="utf-8"))
         if job.rule == _FOLD:
             told = f"{record['reason']}; gyrification index {record['gyrification_index_last']:.2f}"

@@ -29,7 +29,7 @@ class Origin:
 
 
 def read_certificate(path: str | Path) -> dict[str, Any]:
-    """Content of a certificate; InputError if `certificate_of` finds none that holds."""
+    """Content of a certificate; InputError if `certificate_of` rejects it."""
     content = certificate_of(path)
     if not content:
         what = "the certificate is damaged, edited, or from another version of cortet"
