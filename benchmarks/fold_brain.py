@@ -6,7 +6,7 @@
 
 RUN are folders of `cortet fold` that differ by chance alone, as seeds of a mesh do: their mean is shown, and half of
 what lies between the lowest and the highest of them. Beside it stand laws of Gompertz for area, volume and hull
-(`growth.usual`), and real brains, interpolated between the surfaces that are named, or else between the healthy
+(`usual_size.usual`), and real brains, interpolated between the surfaces that are named, or else between the healthy
 fetuses of `cortet/folding/data/real_brains.tsv`, whose mean counts where several have one age; newborns have a line of
 their own, since folds are not the same before and after birth. What is more or less than these is given in per cent of
 them, of the gyrification index and of shares as a difference.
@@ -32,13 +32,13 @@ from scipy.optimize import curve_fit
 
 from cortet.folding.body import scale_of
 from cortet.folding.fold_figures import as_real_brains, curves, healthy_fetuses, healthy_hemispheres, real_brains
-from cortet.folding.growth import AREA, HULL, VOLUME, usual
 from cortet.folding.journal import TABLE
 from cortet.folding.measurements import shape
 from cortet.folding.medial_wall import medial_wall
 from cortet.formats.gifti import hemisphere_of, read_surface
 from cortet.formats.tsv import MISSING
 from cortet.geometry.topology import enclosed_volume
+from cortet.measure.usual_size import AREA, HULL, VOLUME, usual
 from cortet.meshes import FloatArray, TriSurface
 
 WEEKS = (24.0, 26.0, 28.0, 30.0, 32.0, 34.0, 36.0, 38.0)

@@ -112,6 +112,7 @@ def run(surface: TriSurface, config: Config, **about: Unpack[About]) -> Iterator
         "nested": bool(surface.inner),
         "sphere_file": None if sphere_file is None else str(sphere_file),
         "hemisphere": about.get("hemisphere"),
+        "hemi": about.get("hemisphere"),
     }
     line = stages_of(config, nested=bool(surface.inner), registered=sphere is not None, aged=age is not None)
     given: dict[str, Any] = {"surface": nested(surface, surface.inner), "sphere": sphere}
@@ -178,7 +179,13 @@ def mesh_surface(
 
 
 def _certified(
-    line: Iterable[Step], config: Config, progress: Callable[[Step], None], *, cell_size: float, **of: Any
+    line: Iterable[Step],
+    config: Config,
+    progress: Callable[[Step], None],
+    *,
+    cell_size: float,
+    native: TriSurface | None = None,
+    **of: Any,
 ) -> Meshed:
     """The mesh at the end of a line with its certificate, which records each stage; `of` goes to `certify`."""
     parameters, reports = {}, {}
@@ -186,6 +193,8 @@ def _certified(
         progress(step)
         parameters[step.stage], reports[step.stage] = step.parameters, step.report
         mesh, surface = step.result, step.surface
+        if step.stage == "gate" and reports.get("repair", {}).get("repaired"):
+            native = step.surface  # the file lacks what repair made
     assert isinstance(mesh, TetMesh)  # the line ends with solver_ready
     parameters["certify"] = certify_record(config, cell_size)
     certificate = certify(
@@ -193,6 +202,7 @@ def _certified(
         surface,
         config.certify,
         cell_size=cell_size,
+        native=native,
         parameters=parameters,
         reports=reports,
         layers=config.export.layers,

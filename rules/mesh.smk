@@ -166,6 +166,7 @@ rule solver_ready:
         inner=PLAN.inner_surfaces,
         fields=PLAN.fields,
         source=PLAN.surface,
+        gated=LAYOUT.surface("gated"),
         reports=lambda wildcards: list(PLAN.reports(wildcards).values())[:-1],  # the last one is its own
         inner_repairs=partial(PLAN.inner_reports, "repair"),
         inner_resamplings=partial(PLAN.inner_reports, "resample"),

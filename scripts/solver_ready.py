@@ -33,12 +33,16 @@ for stage, files in {"repair": job.input.inner_repairs, "resample": job.input.in
         reports[stage]["inner"] = dict(zip(job.params.inner, map(report_of, files), strict=True))
 surface = gifti.read_nested(job.input.surface, job.input.inner, job.input.fields)
 mesh, report = STAGES[last].run(vtu.read(job.input.mesh), surface, **job.arguments)
+if reports.get("repair", {}).get("repaired"):  # the file lacks what repair made
+    native = gifti.read_surface(job.input.gated)
+else:
+    native = placed(gifti.read_surface(job.input.source, finite=False), job.params.to_mm)
 certificate = certify(
     mesh,
     surface,
     Certify(**job.params.limits),
     cell_size=int(job.wildcards.res) / 1000,
-    native=placed(gifti.read_surface(job.input.source, finite=False), job.params.to_mm),
+    native=native,
     case=job.wildcards.case,
     source=job.input.source,
     parameters=job.params.line,

@@ -25,7 +25,6 @@ from series import Series
 from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding.fold import SAME_AGE, Say, Verdict, fold
-from cortet.folding.growth import AREA, VOLUME, usual
 from cortet.folding.surface_growth import logarithmic_growth, smoothed
 from cortet.formats import vtu
 from cortet.geometry.closest_point import closest_points, tree_of
@@ -33,6 +32,7 @@ from cortet.geometry.interpolation import at_triangles
 from cortet.geometry.spheres import barycentric, of_one_radius
 from cortet.geometry.topology import boundary_nodes, edges, vertex_normals
 from cortet.measure.quality import signed_volumes
+from cortet.measure.usual_size import AREA, VOLUME, usual
 from cortet.meshes import FloatArray, TetMesh, TriSurface
 from cortet.solver_files.names import growth_field
 from cortet.stages.transfer import transfer

@@ -295,7 +295,7 @@ class Mesh:
         return path
 
     def __repr__(self) -> str:
-        verdict = "certified" if self.certified else f"NOT certified: {'; '.join(self.certificate.reasons)}"
+        verdict = "; ".join([self.certificate.verdict, *self.certificate.reasons])
         q = self.certificate.quality.q
         return (
             f"<Mesh: {len(self.points):,} nodes, {len(self.cells):,} tetrahedra\n"

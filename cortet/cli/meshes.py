@@ -301,7 +301,7 @@ def print_verdict(certificate: Certificate) -> None:
     """Print whether a mesh is certified, and if not, why; and what else should be known."""
     from cortet.meshes import OUTERMOST
 
-    print("certified" if certificate.certified else "NOT certified:")
+    print(certificate.verdict)
     for region in certificate.regions:
         if region.name == OUTERMOST and (across := region.edges_across):
             print(f"  elements across the {OUTERMOST}: 5th percentile {across.p5:g}, median {across.median:g}")

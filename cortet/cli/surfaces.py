@@ -24,7 +24,7 @@ from cortet.cli.values import (
 from cortet.errors import CortetError, InputError
 from cortet.formats.atomic import recorded
 from cortet.formats.ownership import may_write
-from cortet.geometry.limits import PHANTOM_AGES, SUBDIVISIONS, THICKNESS_MM
+from cortet.geometry.limits import PHANTOM_AGES, SCAN_AGES, SUBDIVISIONS, THICKNESS_MM
 
 if TYPE_CHECKING:
     from cortet.stages.gate import GateReport
@@ -40,6 +40,7 @@ def gate(
     /,
     *,
     allow_genus: Annotated[int, number(0, 10_000, "N", whole=True)] = 0,
+    ga: Annotated[float | None, number(*SCAN_AGES, "WEEKS")] = None,
     _: Common = Common(),
 ) -> int:
     """Check whether each surface can be meshed.
@@ -48,19 +49,22 @@ def gate(
     ----------
     allow_genus
         Accept up to N handles.
+    ga
+        Gestational age, to check the volume by.
 
     Examples
     --------
     cortet gate *.surf.gii
     """
     from cortet.config import load
-    from cortet.formats.gifti import read_surface
+    from cortet.formats.gifti import hemisphere_of, read_surface
     from cortet.stages.gate import gate
 
     config, refused = load({"gate": {"allow_genus": allow_genus}}), 0
     for path in surfaces:
         try:
-            _surface, report = gate(read_surface(path), config.gate, source=str(path))
+            given, hemi = read_surface(path), hemisphere_of(path)
+            report = gate(given, config.gate, source=str(path), gestational_age=ga, hemi=hemi)[1]
         except CortetError as error:
             refused += 1
             print(f"refused   {error}", flush=True)
@@ -232,4 +236,5 @@ def _findings(report: GateReport) -> str:
         "intersecting faces separated": report.crossing_faces_repaired,
     }
     size = f"{report.vertices} vertices, {report.volume_ml:.1f} mL, {report.area_mm2:.0f} mm2"
-    return "; ".join([size, *(f"{count} {what}" for what, count in mended.items() if count)])
+    doubt = [f"warning: {report.doubt}"] if report.doubt else []
+    return "; ".join([size, *(f"{count} {what}" for what, count in mended.items() if count), *doubt])

@@ -278,12 +278,21 @@ def outcome(plan: Plan, output: Path, *, page: bool, names: Collection[str] | No
     if not states:
         return "the sheet includes no case"
     counts = Counter(states.values())
-    words = ", ".join(f"{counts[state]} {word}" for state, word in _IN_WORDS.items() if counts[state])
+    told = [f"{counts[state]} {word}" for state, word in _IN_WORDS.items() if counts[state]]
+    if qualified := _qualified(plan, states):
+        told[0] += f" ({qualified} of them with a repaired surface or relaxed limits)"
+    words = ", ".join(told)
     files = " ".join(f"*Solver_{end}" for end, form in EXPORTED.items() if form in plan.config.export.formats)
     look = f"open {output}/cohort/index.html; " if page and Path(plan.layout.cohort_page).is_file() else ""
     has_meshes = any(path.exists() for mesh in plan.meshes() for path in plan.exports(mesh))
     meshes = f"meshes: {output}/sub-*/**/mesh/{files}" if has_meshes else "no mesh"
     return f"{len(states)} {'case' if len(states) == 1 else 'cases'}: {words}; {look}{meshes}"
+
+
+def _qualified(plan: Plan, states: Mapping[str, str]) -> int:
+    """Number of certified cases whose verdict says more than that."""
+    said = {row["case"] for row in status_rows(plan.status()) if row.get("verdict") not in ("certified", None)}
+    return sum(state == "certified" and name in said for name, state in states.items())
 
 
 def states_of(plan: Plan, names: Collection[str] | None = None) -> dict[str, str]:

@@ -173,6 +173,7 @@ class Jobs:
         facts: dict[str, Any] = {
             "source": self.source(job),
             "gestational_age": case.scan_age,
+            "hemi": case.hemi,
             "hemisphere": case.hemi or _NO_HEMISPHERE,  # of which `resample` chooses the template
             "placement": self.placement(job),
             "nested": bool(case.inner),

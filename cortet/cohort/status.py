@@ -32,6 +32,7 @@ COLUMNS = (
         },
         heading="State",
     ),
+    Column("verdict", "The verdict in words: how much of the surface repair made, and which limits were relaxed"),
     Column("reason", "Why the case is not certified; for a certified case, remarks"),
     Column("log", "Log of the job that failed, in the output folder"),
 )
@@ -79,6 +80,11 @@ def certificate_of(path: str | Path) -> dict[str, Any]:
     return content if "schema" in content and follows else {}
 
 
+def verdict_of(content: Mapping[str, Any]) -> str:
+    """The verdict of a certificate in words; certificates of earlier versions hold only whether there is one."""
+    return str(content.get("verdict") or ("certified" if content["certified"] else "NOT certified"))
+
+
 def in_words(failure: Mapping[str, Any]) -> str:
     """The reason of a failure, and what to do about it if that is known."""
     remedy = failure.get("remedy")
@@ -105,6 +111,7 @@ def _row(mesh: Mapping[str, Any]) -> dict[str, Any]:
             row |= {"stage": "certify", "state": "uncertified", "reason": "; ".join(content["reasons"])}
         elif "state" not in row:
             row |= {"stage": "certify", "state": "certified", "reason": "; ".join(content.get("remarks", ()))}
+        row["verdict"] = verdict_of(content)
     elif "earlier" in mesh:
         row["reason"] += f"; earlier results are in {mesh['earlier']}"
     return row

@@ -167,11 +167,17 @@ class Certify(Section):
     """Largest relative difference in volume from the surface, of either sign. null: no limit."""
     max_native_distance: Positive | None = 1.0
     """Largest distance between the boundary and the native (input) surface, in both directions, as a fraction of h.
-    null: no limit. This and the next two limits do not apply to repaired surfaces."""
+    null: no limit. Of a repaired surface, this and the next two limits hold for the surface after its repair."""
     max_mean_native_distance: Positive | None = 0.2
     """Largest mean of these distances, as a fraction of h. null: no limit."""
     max_native_area_change: Positive | None = 0.1
     """Largest relative difference in area from the native surface, of either sign. null: no limit."""
+    max_repaired_area: Fraction | None = 0.12
+    """Largest fraction of the area of a surface that repair may have made. A medial wall that was cut out takes 3 to
+    11 %, a fetal brain without its front third 19 %. null: no limit."""
+    max_repaired_volume: Fraction | None = 0.03
+    """Largest volume between the caps on holes and flat caps, as a fraction of the volume in the surface. It is up to
+    2 % where a medial wall was cut out, and 4 % where a tenth of the brain is missing. null: no limit."""
 
 
 class Ablation(Section):

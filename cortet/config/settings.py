@@ -49,6 +49,8 @@ PUBLISHED: dict[str, dict[str, Any]] = {
         "max_native_distance": None,
         "max_mean_native_distance": None,
         "max_native_area_change": None,
+        "max_repaired_area": None,
+        "max_repaired_volume": None,
     },
 }
 

@@ -19,13 +19,6 @@ _TIME = (6.926e-5, -0.00665, 0.250, -3.0189)
 
 #: gestational age from which growth by age counts, weeks
 ORIGIN = 22.0
-#: volume within the inner cortical surface of a healthy hemisphere: Gompertz's law, mL, 1/week and weeks, fitted to 17
-#: of 22 to 42 weeks (CRL atlas, FetoMorph, dHCP atlas: `folding/data/real_brains.tsv`), which differ from it by 7 %
-VOLUME = (107.0, 0.1385, 25.6)
-#: its area, cm2, likewise; the data differ from it by 5 %
-AREA = (401.3, 0.0758, 31.97)
-#: the volume of its convex hull, mL, of 16 of 22 to 40 weeks, which differ from it by 6 %
-HULL = (190.4, 0.1075, 28.46)
 
 #: one time, or many at once
 Times = TypeVar("Times", float, NDArray[np.float64])
@@ -116,12 +109,6 @@ def by_age(values: ByAge) -> Callable[[FloatArray], FloatArray]:
         return lambda ages: np.full_like(ages, table[known[0]])
     curve = PchipInterpolator(known, [table[age] for age in known])
     return lambda ages: curve(np.clip(ages, known[0], known[-1]))
-
-
-def usual(law: tuple[float, float, float], ages: FloatArray) -> FloatArray:
-    """Usual values at ages (k,) by a law of Gompertz: `VOLUME`, `AREA` or `HULL`."""
-    largest, rate, latest = law
-    return largest * np.exp(-np.exp(-rate * (ages - latest)))
 
 
 class Course(NamedTuple):

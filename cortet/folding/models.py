@@ -21,10 +21,7 @@ from cortet.errors import InputError
 from cortet.folding.body import THICKENING, THICKNESS, Body, Material, Scale
 from cortet.folding.fields import LABEL_FIELD, MASK_FIELD, node_field
 from cortet.folding.growth import (
-    AREA,
-    HULL,
     ORIGIN,
-    VOLUME,
     ByAge,
     Course,
     Gompertz,
@@ -36,12 +33,12 @@ from cortet.folding.growth import (
     growth_since,
     time_of,
     times_of,
-    usual,
 )
 from cortet.folding.growth_map import GrowthMap, ages_of_maps, grown_body, map_of
 from cortet.folding.kernels import grown_volume_of
 from cortet.folding.law import ACROSS, ALONG, CORE
 from cortet.folding.relaxation import Relaxation
+from cortet.measure.usual_size import AREA, HULL, VOLUME, usual
 from cortet.meshes import REGION, FloatArray, IntArray, TetMesh
 
 #: weeks between the ages at which the stretch of the core is solved for, most rounds, and largest change in the last

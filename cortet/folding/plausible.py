@@ -22,6 +22,7 @@ from cortet.formats.hashing import sha256
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.geometry.topology import boundary, components, face_areas, face_normals
 from cortet.measure.quality import signed_volumes
+from cortet.measure.usual_size import unusual_volume
 from cortet.meshes import AROUND, FloatArray, TetMesh, require_measurable
 from cortet.solver_files.sidecar import read_sidecar
 
@@ -31,9 +32,7 @@ Brain = tuple[float | None, Literal["L", "R"] | None]
 _SAME_SCAN = 1.0
 #: longest side of a body that may be a brain in mm; mice have 8 mm, human adults 180
 EXTENT_MM = (5.0, 400.0)
-#: volume of a hemisphere by age: weeks, and mL of the available templates; a body that is larger or smaller by more
-#: than the factor below is refused
-_WEEKS, _ML = (20.0, 22.0, 25.0, 30.0, 33.0, 40.0), (18.0, 29.0, 39.0, 70.0, 87.0, 110.0)
+#: a body that is larger or smaller than the usual one of its age by more than this factor is refused
 _TIMES = 2.0
 #: a side is flat where the faces point to it, up to an angle of this cosine, and are within this depth of the
 #: outermost, in units of half the length
@@ -85,8 +84,8 @@ def check_mesh(mesh: TetMesh, settings: Settings) -> list[str]:
     check_age(settings.gestational_age)
     if settings.reference:
         return []
-    _require_size(mesh, settings)
-    return _side(mesh, settings.hemisphere) if settings.hemisphere else []
+    doubts = _of_size(mesh, settings)
+    return doubts + (_side(mesh, settings.hemisphere) if settings.hemisphere else [])
 
 
 def check_cells(run: Run, settings: Settings) -> list[str]:
@@ -113,9 +112,15 @@ def check_cells(run: Run, settings: Settings) -> list[str]:
     )
 
 
-def _require_size(mesh: TetMesh, settings: Settings) -> None:
-    """Raise InputError unless length and volume are those of a brain of its age; any volume is fine if allowed."""
-    longest = float(np.ptp(mesh.points, axis=0).max())
+def _of_size(mesh: TetMesh, settings: Settings) -> list[str]:
+    """A doubt about a forced fold whose volume is unusual at its age.
+
+    Raises
+    ------
+    InputError : the length is not that of a brain in mm, or the volume is unusual, and the fold is not forced
+    """
+    extents = np.ptp(mesh.points, axis=0).tolist()
+    longest = max(extents)
     low, high = EXTENT_MM
     if not low <= longest <= high:
         unit = next(
@@ -127,15 +132,15 @@ def _require_size(mesh: TetMesh, settings: Settings) -> None:
             + (f"; its coordinates may be in {unit}" if unit else ""),
             remedy="give a mesh in mm",
         )
-    volume = float(signed_volumes(mesh.points, mesh.cells).sum()) / 1000
-    usual = float(np.interp(settings.gestational_age, _WEEKS, _ML))  # of a hemisphere
-    most = (1 if settings.hemisphere else 2) * usual
-    if settings.force or usual / _TIMES <= volume <= most * _TIMES:
-        return
+    volume, age = float(signed_volumes(mesh.points, mesh.cells).sum()) / 1000, settings.gestational_age
+    unusual = unusual_volume(volume, extents, age, settings.hemisphere, times=_TIMES)
+    if not unusual:
+        return []
+    doubt = f"the mesh has {unusual}"
+    if settings.force:
+        return [doubt]
     raise InputError(
-        f"the mesh has {volume:.3g} mL, and a human hemisphere of {settings.gestational_age:g} weeks has about "
-        f"{usual:.0f} mL",
-        remedy="give the age of this brain, and a mesh in mm; for other species set fold.force or add --force",
+        doubt, remedy="give the age of this brain, and a mesh in mm; for other species set fold.force or add --force"
     )
 
 

@@ -60,17 +60,20 @@ from cortet.measure.regions import (
     sheets_of,
 )
 from cortet.measure.remarks import remarks
+from cortet.measure.verdict import bulging_share, relaxed_limits, repaired_share, surfaces_of, verdict_in_words
 from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound, worst_elements
 from cortet.meshes import FloatArray, TetMesh, TriSurface, require_measurable
 from cortet.version import __version__
 
-VERSION: int = 12
+VERSION: int = 13
 
 #: of the content of certificate.json; raised where a key changes its name or meaning
 SCHEMA = 2
 
 #: relative difference allowed between the sum of volumes and the volume inside the boundary
 VOLUME_TOLERANCE = 1e-9
+#: remedy for a surface of which repair made too much
+_WHOLE = "mesh a surface from which nothing is missing, or raise the limit if the missing part does not matter to you"
 #: most locations of one kind to list
 PLACES = 10
 #: distributions whose versions can change a mesh or its numbers
@@ -86,6 +89,10 @@ class Certificate:
     #: name of the case, e.g. sub-01_ses-02_hemi-L
     case: str
     certified: bool
+    #: the verdict in words, with the part of the surface that was repaired, and the limits that are weaker than usual
+    verdict: str
+    #: the limits that are weaker than those of the default preset, in words; empty if none is
+    relaxed: str
     #: why the mesh is not certified, in plain words, with location and remedy; empty if it is certified
     reasons: tuple[str, ...]
     #: what should be known of a mesh even if it is certified, such as how far a repair went
@@ -128,7 +135,7 @@ class Certificate:
     def __repr__(self) -> str:
         q, passed = self.quality.q, sum(check.passed for check in self.checks)
         return (
-            f"<Certificate: {'certified' if self.certified else 'NOT certified'}, "
+            f"<Certificate: {self.verdict}, "
             f"{passed} of {len(self.checks)} checks passed\n"
             f" {self.quality.tets:,} tetrahedra, worst q {q.max:.3f}, mean {q.mean:.3f}\n"
             f" {'; '.join(self.reasons or self.remarks) or 'no remarks'}>"
@@ -165,7 +172,8 @@ def certify(
         its inner surface
     limits : as `Certify` describes them; a number whose limit is None is reported, not checked
     cell_size : mm; if None, the limits that are fractions of it are not checked
-    native : mm, the surface as it was read, before smoothing; it may be broken. None: the mesh is not compared with it
+    native : mm, the surface as it was read, or of a repaired surface as repair made it, before smoothing; it may be
+        broken. None: the mesh is not compared with it
     case : name of the case
     source : file of the input surface, which is identified by its hash
     parameters, reports : stage -> its parameters and its report; the topology that S1 reports is checked too
@@ -195,10 +203,10 @@ def certify(
     crossing = self_intersections(walls)
     measured, faithful, around = summarise(mesh), fidelity(mesh, surface), fans(mesh)
     smaller = smaller_cells(None if measured.q.max < limits.q_max else cell_size)
-    repaired = _repaired(reports.get("repair", {}))
+    repairs, relaxed = reports.get("repair", {}), relaxed_limits(limits)
     regions = region_records(mesh, surface) if surface.inner else ()
     layered = layer_records(mesh, surface.inner, layers)
-    in_mm = limits_in_mm(limits, cell_size, repaired=repaired)
+    in_mm = limits_in_mm(limits, cell_size)
     lost: list[LostPlace] = []
     if in_mm.max_surface_distance is not None and faithful.surface_to_boundary_mm.max > in_mm.max_surface_distance:
         lost = lost_places(boundary, surface, limit=in_mm.max_surface_distance)
@@ -206,6 +214,8 @@ def certify(
         schema=SCHEMA,
         case=case,
         certified=False,
+        verdict="",
+        relaxed=relaxed,
         reasons=(),
         remarks=remarks(reports, parameters or {}, regions, cell_size, layered if layers else None),
         checks=(),
@@ -224,7 +234,7 @@ def certify(
         layers=layered,
         input={} if source is None else {"file": str(source), "sha256": input_sha256(source)},
         mesh_sha256=mesh_sha256(mesh),
-        input_repaired=repaired,
+        input_repaired=bool(surfaces_of(repairs)),
         parameters=dict(parameters or {}),
         reports=reports,
         versions=versions(reports),
@@ -233,10 +243,12 @@ def certify(
     checks = tuple(
         checked(number, cell_size) for number in _numbers(mesh, measurements, in_mm, euler_number, len(crossing))
     )
-    places = _places(mesh, measurements, limits, lost)
+    places, certified = _places(mesh, measurements, limits, lost), all(check.passed for check in checks)
+    repaired = repaired_share(repairs) if measurements.input_repaired else None
     return replace(
         measurements,
-        certified=all(check.passed for check in checks),
+        certified=certified,
+        verdict=verdict_in_words(certified=certified, relaxed=relaxed, repaired=repaired),
         reasons=tuple(
             "; ".join(filter(None, (check.finding, places.get(check.id, ""), check.remedy)))
             for check in checks
@@ -274,6 +286,9 @@ def _numbers(mesh: TetMesh, found: Certificate, limits: Certify, euler_number: i
     yield from fidelity_numbers(found.fidelity, limits, remedy.loss)
     if found.native is not None:
         yield from native_numbers(found.native, limits)
+    if repairs := found.reports.get("repair"):
+        yield Number("repaired_area", repaired_share(repairs), limits.max_repaired_area, _WHOLE)
+        yield Number("repaired_volume", bulging_share(repairs), limits.max_repaired_volume, _WHOLE)
     for region in found.regions:
         change = abs(region.relative_volume_change)
         yield Number("region_tetrahedra", region.tetrahedra, 1, "", region.name)
@@ -320,12 +335,6 @@ def versions(reports: Mapping[str, Any]) -> dict[str, str]:
     if program := reports.get("clean", {}).get("program_version"):
         found["meshtool"] = program
     return found
-
-
-def _repaired(report: Mapping[str, Any]) -> bool:
-    """Whether the surface or an inner surface was repaired, by the report of `repair`."""
-    within = report.get("inner", {}).values()
-    return any(bool(one.get("repaired")) for one in (report, *within))
 
 
 def _lost(places: Sequence[LostPlace]) -> str:

@@ -57,6 +57,8 @@ KINDS = {
     "native_distance": Kind("largest distance between the boundary and the native surface", "<=", "mm"),
     "mean_native_distance": Kind("mean distance between the boundary and the native surface", "<=", "mm"),
     "native_area_change": Kind("relative change of the area from the native surface", "<="),
+    "repaired_area": Kind("fraction of the area of the surface that repair made", "<="),
+    "repaired_volume": Kind("volume between caps on holes and flat caps, relative to the volume in the surface", "<="),
     "region_tetrahedra": Kind("tetrahedra of region {about}", ">="),
     "region_volume_change": Kind("relative change of the volume of region {about}", "<="),
     "interface_topology": Kind("topology problems of the interface {about}"),
@@ -174,18 +176,15 @@ def checked(number: Number, cell_size: float | None = None) -> Check:
     )
 
 
-def limits_in_mm(limits: Certify, cell_size: float | None, *, repaired: bool) -> Certify:
-    """The limits with fractions of the cell size in mm; None where the size is not known, or a limit does not apply."""
+def limits_in_mm(limits: Certify, cell_size: float | None) -> Certify:
+    """The limits with fractions of the cell size in mm; None where the size is not known."""
 
     def scaled(fraction: float | None) -> float | None:
         return None if fraction is None or cell_size is None else fraction * cell_size
 
     native = ("max_native_distance", "max_mean_native_distance")
     fractions = ("max_face_distance", "max_surface_distance", "max_mean_surface_distance", *native)
-    given = {name: scaled(getattr(limits, name)) for name in fractions}
-    if repaired:  # `repair` has its own limits
-        given |= dict.fromkeys((*native, "max_native_area_change"))
-    return limits.model_copy(update=given)
+    return limits.model_copy(update={name: scaled(getattr(limits, name)) for name in fractions})
 
 
 def topology_numbers(boundary: SurfaceTopology, euler_number: int, remedy: str) -> Iterator[Number]:

@@ -8,11 +8,12 @@ from typing import Any
 from cortet.geometry.limits import CELL_SIZE_MM
 from cortet.measure.layers import LayerRecord
 from cortet.measure.regions import RegionRecord
+from cortet.measure.verdict import share_in_words, surfaces_of
 from cortet.meshes import OUTERMOST
 
-#: a repair is worth a remark from this change of volume on, a surface that gave way from this share of the volume
-#: between it and the surface around it
-_REPAIRED, _EXCHANGED = 0.005, 0.05
+#: a repair is worth a remark from this change of volume on, and from this share of new triangles in the area; a surface
+#: that gave way from this share of the volume between it and the surface around it
+_REPAIRED, _NEW, _EXCHANGED = 0.005, 0.01, 0.05
 #: the part of the cortex without layers is worth a remark from this share of its volume on
 _UNLAYERED = 0.05
 #: elements across the cortex below which its bending is too stiff
@@ -26,7 +27,7 @@ def remarks(
     cell_size: float | None = None,
     layers: Sequence[LayerRecord] | None = None,
 ) -> tuple[str, ...]:
-    """Sentences on repairs and on inner surfaces that gave way, where they went far; and on a cortex of few elements.
+    """Sentences on an unusual volume, on repairs and inner surfaces that gave way, and on a cortex of few elements.
 
     Parameters
     ----------
@@ -37,15 +38,27 @@ def remarks(
     """
     count = sum(layer.number > 0 for layer in layers or ())
     few, of_layers = _coarse(regions, cell_size, count), [] if layers is None else _layers(layers)
-    return (*_repairs(reports.get("repair") or {}), *_gaps(reports, parameters), *few, *of_layers)
+    doubt = (reports.get("gate") or {}).get("doubt")
+    return (
+        *([doubt] if doubt else []),
+        *_repairs(reports.get("repair") or {}),
+        *_gaps(reports, parameters),
+        *few,
+        *of_layers,
+    )
 
 
 def _repairs(report: Mapping[str, Any]) -> Iterator[str]:
-    surfaces = {"the surface": report, **report.get("inner", {})}
-    for name, one in surfaces.items():
-        change = one.get("relative_volume_change", 0.0)
+    for name, one in surfaces_of(report).items():
+        named, change = name or "the surface", one["relative_volume_change"]
+        share = one["new_area_mm2"] / one["area_mm2"]
+        if share >= _NEW:
+            bulge = one["bulge_ml"]
+            yield (
+                f"repair made {share_in_words(share)} of {named}; its caps enclose {bulge:+.2g} mL more than flat caps"
+            )
         if abs(change) >= _REPAIRED:
-            yield f"repair changed the volume of {name} by {change:+.1%}"
+            yield f"repair changed the volume of {named} by {change:+.1%}"
 
 
 def _coarse(regions: Sequence[RegionRecord], cell_size: float | None, layers: int) -> Iterator[str]:

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cortet.errors import StageError
-from cortet.meshers.mesher import Facts, Filled, Mesher
+from cortet.meshers.mesher import OF_CGAL, Facts, Filled, Mesher
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
 if TYPE_CHECKING:
@@ -194,7 +194,9 @@ def _fill(mesher: str, surface: TriSurface, _settings: Generate, facts: Facts) -
 #: names of meshers in tables
 _PRINTED = {"tetgen": "TetGen", "ftetwild": "fTetWild", "gmsh": "Gmsh", "netgen": "Netgen"}
 
-MESHERS = tuple(Mesher(name=name, printed=_PRINTED[name], fill=partial(_fill, name), own=False) for name in TOOLS)
+MESHERS = tuple(
+    Mesher(name=name, printed=_PRINTED[name], fill=partial(_fill, name), own=False, ignores=OF_CGAL) for name in TOOLS
+)
 
 
 if __name__ == "__main__":

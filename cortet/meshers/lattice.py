@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cortet.errors import StageError, place_mm
-from cortet.meshers.mesher import Attempt, Facts, Filled, Mesher, Refinement
+from cortet.meshers.mesher import OF_CGAL, Attempt, Facts, Filled, Mesher, Refinement
 from cortet.meshes import TetMesh, TriSurface
 
 if TYPE_CHECKING:
@@ -158,6 +158,7 @@ MESHERS = (
         tets_per_cube=4.1,  # measured 3.3 to 4.0, most where blades are thin
         regions=True,
         sizes=True,
+        ignores=OF_CGAL,
         said=_said,
     ),
 )

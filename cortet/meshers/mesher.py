@@ -74,6 +74,12 @@ class Filled:
     passes: tuple[str, ...] = ()
 
 
+#: keys of the section `generate` that only CGAL reads
+OF_CGAL = frozenset(
+    ("backend", "facet_angle", "facet_distance", "radius_edge_ratio", "odt", "lloyd", "perturb", "exude", "fallback")
+)
+
+
 def _no_notice(_: Generate) -> str:
     return ""
 
@@ -95,6 +101,8 @@ class Mesher:
     tets_per_cube: float = 4.2
     #: whether it belongs to the line; others run with their own defaults, for comparison
     own: bool = True
+    #: keys of the section `generate` that change nothing about its meshes, so that records of these do not have them
+    ignores: frozenset[str] = frozenset()
     #: whether it fills the regions between inner surfaces
     regions: bool = False
     #: whether it takes a field of cell sizes

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from cortet.cohort.status import verdict_of
 from cortet.formats.tables import Column, headed
 from cortet.formats.volumes import TISSUE_COLUMNS
 from cortet.geometry.mending import measurable
@@ -76,12 +77,14 @@ def write_case_page(of: Checked, path: str | Path, *, facts: Mapping[str, str] =
     """
     name, q = of.certificate["case"], of.certificate["quality"]
     certified = of.certificate["certified"]
+    verdict = verdict_of(of.certificate) if certified else ""
     pages.write(
         path,
-        f"{name}: {'certified' if certified else 'not certified'}",
+        f"{name}: {verdict or 'not certified'}",
         _panels(of._replace(surface=measurable(of.surface))),
         heading=name,
         state="certified" if certified else "uncertified",
+        verdict=verdict,
         top=[("facts", {"texts": {**facts, **{size: ELEMENTS[size].format_map(q) for size in _SIZE}}})],
         cohort=cohort,
         scripts=(pages.source("three.js"), pages.source("view.js")),

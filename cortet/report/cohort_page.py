@@ -32,7 +32,7 @@ FIRST = (
     *("q_above_0.5", "q_above_0.6", "nodes", "mesher", "nodes_to_surface_max_mm"),
     "surface_to_boundary_max_mm",
     *("euler_number", "crossing_faces", "resample_native_to_resampled_mean_mm", "resample_native_to_resampled_max_mm"),
-    *("surface_state", "repair_surface_to_file_max_mm", "repair_relative_volume_change"),
+    *("surface_state", "repaired_area", "limits", "repair_surface_to_file_max_mm", "repair_relative_volume_change"),
 )
 _ORDER_IN_WORDS = (
     "Failed cases come first, then those that are not certified, then those with the worst elements. A name leads to "
@@ -154,7 +154,9 @@ def _shown(row: Row) -> dict[str, Any]:
     told = [row[name] for name in ("stage", "reason") if row["reason"] != MISSING and row[name] != MISSING]
     links = {name: "" if row.get(name, MISSING) == MISSING else row[name] for name in ("page", "thumbnail")}
     case = {"text": row["case"], **links}
-    return {**row, "case": ("case", case), "state": ("state", {"text": row["state"], "why": ": ".join(told)})}
+    verdict = row["verdict"] if row["state"] == "certified" else ""
+    state = {"text": row["state"], "verdict": verdict, "why": ": ".join(told)}
+    return {**row, "case": ("case", case), "state": ("state", state)}
 
 
 def _with_columns(rows: pd.DataFrame, more: pd.DataFrame) -> pd.DataFrame:

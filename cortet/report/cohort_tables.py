@@ -19,7 +19,7 @@ from cortet.report.numbers import Certificate
 from cortet.report.records import read_record
 from cortet.report.table_files import Table, write
 
-VERSION: int = 8
+VERSION: int = 9
 
 #: columns of a case from the cohort sheet; its further columns follow
 CASE_COLUMNS = (
@@ -93,6 +93,7 @@ def _with_verdict(content: Certificate) -> dict[str, Any]:
         **content,
         "checks": {check["id"]: check["value"] for check in content["checks"]},
         "surface_state": "repaired" if content["input_repaired"] else "as given",
+        "limits": content.get("relaxed") or "default",
         "verdict": "pass" if content["certified"] else "fail",
         "reasons": "; ".join(content["reasons"]),
         "remarks": "; ".join(content.get("remarks", ())),

@@ -17,7 +17,7 @@ from cortet.report.numbers import Certificate, limit_of
 from cortet.report.stage_sentences import counted, stage_sentences
 from cortet.version import __version__
 
-VERSION: int = 6
+VERSION: int = 7
 
 #: key -> BibTeX entry, in the order of the list; the key of a program is its name in the versions of a certificate
 REFERENCES = {
@@ -155,6 +155,8 @@ def _outcome(certificates: Sequence[Certificate]) -> list[str]:
         f"{limit:g}, positive volumes and a boundary with the topology and the place of the surface (certified); the "
         f"worst q was {min(worst):.3f} to {max(worst):.3f}."
     ]
+    if relaxed := sorted({content["relaxed"] for content in certificates if content.get("relaxed")}):
+        sentences.append(f"Meshes were certified to {' or '.join(relaxed)}; these limits are weaker than the default.")
     if refused := [content for content in certificates if not content["certified"]]:
         reasons = "; ".join(f"{content['case']} ({findings(content)})" for content in refused)
         sentences.append(f"Not certified: {reasons}.")

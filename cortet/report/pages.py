@@ -28,7 +28,7 @@ from cortet.report.colours import BLUE
 from cortet.version import __version__
 
 #: version of the pages of cases and of the cohort, and of their templates
-VERSION: int = 12
+VERSION: int = 13
 
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("cortet.report", "templates"),
@@ -64,6 +64,7 @@ def write(
     *,
     heading: str | None = None,
     state: str = "",
+    verdict: str = "",
     top: Sequence[Part] = (),
     end: Sequence[Part] = (),
     cohort: str = "",
@@ -77,6 +78,7 @@ def write(
     title : title of the window
     heading : heading of the page; None: the title
     state : state of the case, beside the heading
+    verdict : words for the state, if they say more
     top : parts between heading and panels
     end : parts after the panels
     cohort : address of the cohort page, as seen from this page
@@ -88,6 +90,7 @@ def write(
         panels=panels,
         heading=heading,
         state=state,
+        verdict=verdict,
         top=top,
         end=end,
         cohort=cohort,

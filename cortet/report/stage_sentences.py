@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from cortet.measure.verdict import share_in_words, surfaces_of
 from cortet.meshers import MESHERS
 from cortet.report.numbers import Certificate
 
@@ -57,13 +58,15 @@ def _resampled(certificates: Sequence[Certificate]) -> str:
 
 def _repaired(certificates: Sequence[Certificate]) -> str:
     reports = {content["case"]: content["reports"].get("repair", {}) for content in certificates}
-    done = {
-        case: ", ".join(f"{step['done']}: {step['count']:,} {step['of']}" for step in report["steps"])
-        for case, report in reports.items()
-        if report.get("repaired")
-    }
-    told = "; ".join(f"{case} ({steps})" for case, steps in done.items())
-    return f"Of these surfaces, {len(done)} had been repaired: {told}." if done else ""
+    told = []
+    for case, report in reports.items():
+        for region, one in surfaces_of(report).items():
+            steps = [f"{step['done']}: {step['count']:,} {step['of']}" for step in one["steps"]]
+            share = share_in_words(one["new_area_mm2"] / one["area_mm2"])
+            told.append(
+                f"{case}{f' {region}' if region else ''} ({', '.join([*steps, f'{share} of its area is new'])})"
+            )
+    return f"Of these surfaces, {len(told)} had been repaired: {'; '.join(told)}." if told else ""
 
 
 def _smoothed(certificates: Sequence[Certificate]) -> str:

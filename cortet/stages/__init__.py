@@ -97,7 +97,7 @@ LINE = (
         takes=("surface",),
         gives="surface",
         settings=sections.Gate,
-        facts=("source",),
+        facts=("source", "gestational_age", "hemi"),
         alone=True,
         takes_inside=True,
     ),
@@ -232,7 +232,9 @@ def arguments_of(config: Config, stage: str, facts: Mapping[str, Any]) -> dict[s
     """
     one = STAGES[stage]
     own = {name: facts[name] for name in one.facts}
-    return {**one.section_of(config).values(), **_decided_elsewhere(config, stage, facts), **own}
+    found = {**one.section_of(config).values(), **_decided_elsewhere(config, stage, facts), **own}
+    ignored = MESHERS[facts["mesher"]].ignores if stage == "generate" else ()
+    return {key: value for key, value in found.items() if key not in ignored}
 
 
 def _decided_elsewhere(config: Config, stage: str, facts: Mapping[str, Any]) -> dict[str, Any]:

@@ -95,6 +95,8 @@ class BrokenSurface:
         self.displacement = 0.0
         #: mm3, with the holes of the file filled
         self.volume_before = 0.0
+        #: mm3, between the caps on these holes and flat ones
+        self.bulge = 0.0
 
     def set_right(self) -> None:
         """Run all steps in their order."""
@@ -246,9 +248,11 @@ class BrokenSurface:
             middles = np.array([self.work.points[rim].mean(axis=0) for rim in of_file])
             longest = max(rim_length(self.work.points, rim) for rim in of_file)
             self._note(f"holes filled, with a rim of up to {longest:.1f} mm", len(of_file), "holes", middles)
+        flat = closed_volume(self.work)
         for rim, made in [*((rim, CAP) for rim in of_file), *((rim, REPLACED) for rim in cut)]:
             self.work = capped(self.work, rim, made)
         self.volume_before = enclosed_volume(self.work.points, self.work.faces)
+        self.bulge = self.volume_before - flat
 
     def _misshapen(self) -> None:
         """Cut out flat triangles and spikes, and close the holes smoothly."""

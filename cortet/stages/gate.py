@@ -18,9 +18,10 @@ from cortet.geometry.orientation import outward
 from cortet.geometry.smoothing import laplacian
 from cortet.geometry.topology import SurfaceTopology, compact, enclosed_volume, face_areas, surface_topology
 from cortet.geometry.uncrossing import moved_apart
+from cortet.measure.usual_size import unusual_volume
 from cortet.meshes import FloatArray, IntArray, TriSurface, single_precision
 
-VERSION: int = 2
+VERSION: int = 3
 
 #: longest side of the bounding box, mm: from a small monkey's hemisphere to an adult human brain in its shell
 EXTENT_MM = (15.0, 220.0)
@@ -33,6 +34,9 @@ MAX_CROSSING = 0.001
 #: farthest that the repair of crossing triangles may move a vertex, mm
 MAX_REPAIR_MM = 1.0
 _REPAIR_ROUNDS = 12
+#: factor from the usual volume at an age beyond which a surface gets a remark. Healthy brains of one age differ by a
+#: third at most; the volume doubles from 22 to 26 weeks
+UNUSUAL_TIMES = 1.5
 
 logger = logging.getLogger(__name__)
 
@@ -55,10 +59,18 @@ class GateReport:
     #: vertices that the repair moved, and how far
     repair_moved_vertices: int
     repair_max_displacement_mm: float
+    #: why the age may be wrong, in words; empty if the volume is usual at this age, or the age is not known
+    doubt: str
 
 
 def gate(
-    surface: TriSurface, settings: Gate = Gate(), *, source: Any, inside: bool = False
+    surface: TriSurface,
+    settings: Gate = Gate(),
+    *,
+    source: Any,
+    inside: bool = False,
+    gestational_age: float | None = None,
+    hemi: str | None = None,
 ) -> tuple[TriSurface, GateReport]:
     """Let one closed, oriented, mm-sized manifold without self-intersections through.
 
@@ -70,6 +82,8 @@ def gate(
     settings : as `Gate` describes them; `unit` is applied before
     source : where the surface comes from, for messages and the report
     inside : the surface lies inside another one, and may be smaller than a brain
+    gestational_age : weeks, if it is known; the report says if the volume is unusual at this age
+    hemi : L or R; None: a whole brain, or not known
 
     Raises
     ------
@@ -91,26 +105,33 @@ def gate(
         _check_topology(oriented, topology, settings.allow_genus)
         if reoriented := int((oriented.faces != used.faces).any(axis=1).sum()):
             logger.warning("%s: %d of %d triangles turned outward", named, reoriented, len(used.faces))
+        extents = np.ptp(oriented.points, axis=0).tolist()
         if not inside:
-            extents = np.ptp(oriented.points, axis=0).tolist()
             require_size(extents, enclosed_volume(oriented.points, oriented.faces) / 1000)
         repaired, crossing = _uncross(oriented, named)
     except InputError as error:
         raise InputError(error.what, file=source, remedy=error.remedy) from None
     moved = np.linalg.norm(repaired.points - oriented.points, axis=1)
     moved = moved[moved > 0]
+    volume, doubt = enclosed_volume(repaired.points, repaired.faces) / 1000, ""
+    if gestational_age is not None and not inside:
+        unusual = unusual_volume(volume, extents, gestational_age, hemi, times=UNUSUAL_TIMES)
+        doubt = f"the surface encloses {unusual}; is its age right?" if unusual else ""
+    if doubt:
+        logger.warning("%s: %s", named, doubt)
     return repaired, GateReport(
         source=None if source is None else str(source),
         vertices=len(repaired.points),
         faces=len(repaired.faces),
         genus=int(topology.genus),
-        volume_ml=enclosed_volume(repaired.points, repaired.faces) / 1000,
+        volume_ml=volume,
         area_mm2=float(face_areas(repaired.points, repaired.faces).sum()),
         unused_vertices_dropped=dropped,
         faces_reoriented=reoriented,
         crossing_faces_repaired=crossing,
         repair_moved_vertices=len(moved),
         repair_max_displacement_mm=float(moved.max(initial=0)),
+        doubt=doubt,
     )
 
 

@@ -15,14 +15,14 @@ import numpy as np
 
 from cortet.config.stages import Repair
 from cortet.errors import InputError
-from cortet.geometry.mending import CAP, measurable
+from cortet.geometry.mending import CAP, GIVEN, measurable
 from cortet.geometry.topology import enclosed_volume, face_areas
 from cortet.measure.fidelity import Distances, summary
 from cortet.measure.lost import distances_to
 from cortet.meshes import TriSurface
 from cortet.stages._repairing import BrokenSurface, RepairStep, has_flaw
 
-VERSION: int = 4
+VERSION: int = 5
 
 #: remedy if no better one is known
 _REMEDY = "edit the surface there, or remesh it"
@@ -51,6 +51,10 @@ class RepairReport:
     area_mm2: float
     #: area of caps on holes of the file
     filled_area_mm2: float
+    #: area of all triangles that the file does not have: caps, and replacements of what was cut out
+    new_area_mm2: float
+    #: volume between the caps on holes of the file and flat ones, mL
+    bulge_ml: float
     #: volume of the file with its holes filled
     volume_before_ml: float
     volume_ml: float
@@ -116,6 +120,8 @@ def _report(given: TriSurface, made: TriSurface, source: Any, work: BrokenSurfac
         area_before_mm2=before,
         area_mm2=area,
         filled_area_mm2=0.0 if work is None else float(areas[work.work.made == CAP].sum()),
+        new_area_mm2=0.0 if work is None else float(areas[work.work.made != GIVEN].sum()),
+        bulge_ml=0.0 if work is None else work.bulge / 1000,
         volume_before_ml=volume_before / 1000,
         volume_ml=volume / 1000,
         relative_area_change=area / before - 1,

@@ -15,12 +15,13 @@ from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding.fold import fold
 from cortet.folding.fold_figures import healthy_hemispheres
-from cortet.folding.growth import AREA, HULL, VOLUME, by_age, times_of, usual
+from cortet.folding.growth import by_age, times_of
 from cortet.folding.kernels import grown_volume_of
 from cortet.folding.law import ACROSS, ALONG, CORE
 from cortet.folding.measurements import Measurements
 from cortet.folding.models import hidden_growth
 from cortet.folding.run import Run, beginning, prepared, time_step_of
+from cortet.measure.usual_size import AREA, HULL, VOLUME, usual
 from cortet.meshes import REGION, MeshSets, TetMesh
 
 AGES = np.array([22.0, 25.0, 28.5, 34.0, 38.0])

@@ -53,7 +53,6 @@ def with_wall(mesh: TetMesh) -> TetMesh:
     [
         (lambda left: left, LEFT),
         (lambda left: placed(left, -1, 2, 3), RIGHT),
-        (lambda left: scaled(left, 0.6), LEFT.with_keys(force=True)),
         (lambda left: left, Settings(gestational_age=26.0)),  # half of a brain, which half is not said
         (with_wall, RIGHT),  # a mesh that marks its medial wall is believed
     ],
@@ -78,6 +77,11 @@ def test_a_hemisphere_of_the_age_in_its_place_is_not_doubted(left, change, setti
 def test_what_is_no_hemisphere_of_the_age_in_its_place_is_refused(left, change, settings, word):
     with pytest.raises(InputError, match=word):
         check_mesh(change(left), settings)
+
+
+def test_a_forced_fold_of_an_unusual_volume_says_so(left):
+    (doubt,) = check_mesh(scaled(left, 0.6), LEFT.with_keys(force=True))
+    assert "26 weeks usually has" in doubt
 
 
 def test_cells_as_coarse_as_the_cortex_are_refused_unless_forced(left):

@@ -1,0 +1,55 @@
+"""The usual size of a healthy fetal or neonatal hemisphere by gestational age."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cortet.meshes import FloatArray
+
+#: volume within the inner cortical surface of a healthy hemisphere: Gompertz's law, mL, 1/week and weeks, fitted to 17
+#: of 22 to 42 weeks (CRL atlas, FetoMorph, dHCP atlas: `folding/data/real_brains.tsv`), which differ from it by 7 %
+VOLUME = (107.0, 0.1385, 25.6)
+#: its area, cm2, likewise; the data differ from it by 5 %
+AREA = (401.3, 0.0758, 31.97)
+#: the volume of its convex hull, mL, of 16 of 22 to 40 weeks, which differ from it by 6 %
+HULL = (190.4, 0.1075, 28.46)
+#: volume within the pial surface over that within the inner one: 1.20 to 1.22 in 8 pairs of 28 to 42 weeks
+_PIAL = 1.22
+#: weeks for which the law of the volume says something
+_AGES = (20.0, 45.0)
+#: smallest over largest extent of a body below which it is half a brain: halves have 0.36 to 0.53, whole brains 0.65
+#: and more
+_NARROW = 0.6
+
+
+def usual(law: tuple[float, float, float], ages: FloatArray) -> FloatArray:
+    """Usual values at ages (k,) by a law of Gompertz: `VOLUME`, `AREA` or `HULL`."""
+    largest, rate, latest = law
+    return largest * np.exp(-np.exp(-rate * (ages - latest)))
+
+
+def unusual_volume(
+    volume_ml: float, extents: Sequence[float], age: float, hemisphere: str | None, *, times: float
+) -> str:
+    """What is unusual about a volume at an age, as the end of a sentence; empty if nothing is.
+
+    Parameters
+    ----------
+    volume_ml : within the inner cortical or the pial surface
+    extents : of the surface along three axes, mm: half a brain is narrow
+    age : gestational age, weeks; at others than 20 to 45 no volume is unusual
+    hemisphere : L or R; None: a whole brain, or not known
+    times : factor from the usual volume beyond which one is unusual
+    """
+    if not _AGES[0] <= age <= _AGES[1]:
+        return ""
+    inner = float(usual(VOLUME, np.array(age)))
+    is_half = hemisphere is not None or min(extents) < _NARROW * max(extents)
+    if inner / times <= volume_ml <= inner * _PIAL * times * (1 if is_half else 2):
+        return ""
+    return (
+        f"{volume_ml:.3g} mL, but a hemisphere of {age:g} weeks usually has {inner:.0f} mL inside its white surface "
+        f"and {inner * _PIAL:.0f} mL inside its pial surface"
+    )
