@@ -231,12 +231,13 @@ class MeshSets:
 class TetMesh:
     """A tetrahedral mesh.
 
-    Every mesh in memory has positive signed volumes, 0-based indices and no unused nodes.
+    Indices are valid and 0-based; this is checked. Every stage returns positive signed volumes and no unused nodes. A
+    mesh of another program may have others, which the certificate counts and `geometry.filling.require_body` refuses.
     """
 
     #: (n, 3) float64, node coordinates in mm
     points: FloatArray
-    #: (m, 4) int32, node indices; det(b - a, c - a, d - a) > 0
+    #: (m, 4) int32, node indices; where the volume is positive, det(b - a, c - a, d - a) > 0
     cells: IntArray
     #: per-node fields, name -> (n,) or (n, k)
     point_data: dict[str, NDArray[Any]] = field(default_factory=dict)

@@ -27,7 +27,7 @@ from cortet.errors import InputError
 from cortet.formats import format_of, read_mesh
 from cortet.formats.atomic import recorded
 from cortet.formats.gifti import hemisphere_of, kind_of
-from cortet.formats.ownership import guarded, may_write
+from cortet.formats.ownership import delete_made, guarded, is_ours, may_write
 from cortet.formats.placement import placed
 from cortet.formats.set_arrays import with_sets
 from cortet.formats.tables import names, write_table
@@ -45,7 +45,7 @@ from cortet.solver_files.export import export_made
 from cortet.solver_files.export import with_sets as with_named_sets
 from cortet.solver_files.fields import require_finite, with_fields, with_q, without_q
 from cortet.solver_files.laminar import Laminar
-from cortet.solver_files.meshed import Origin, require_own_stem, write_meshed
+from cortet.solver_files.meshed import Origin, certificate_path, require_own_stem, uncertified_path, write_meshed
 from cortet.solver_files.sidecar import CHANGED, changed_since, sidecar_path
 from cortet.solver_files.surface_map import SurfaceMap, surface_map
 from cortet.solver_files.volumes import backgrounds, label_names, read_volumes, with_volumes
@@ -268,15 +268,20 @@ class Mesh:
         sets = self.config.export.sets(self.origin.kind)
         return with_named_sets(self.mesh, self.surface, self.origin, sets=sets, labels=label_names(self.volumes))[0]
 
-    def save(self, path: str | Path, *, force: bool = False) -> Path:
+    def save(self, path: str | Path, *, force: bool = False, uncertified: bool = False) -> Path:
         """Write the mesh in the format that the file's ending names, with its companions.
 
         They are the sidecar, the certificate, the surface that was meshed, and a table of the labels of volumes.
 
         Parameters
         ----------
-        force : also write a mesh that is not certified, and over a file that cortet did not make. A file that was given
-            by its name is never overwritten; NiBabel's images of surfaces do not know theirs
+        force : also replace a file that cortet did not make. A file that was given by its name is never overwritten;
+            NiBabel's images of surfaces do not know theirs
+        uncertified : also write a mesh that is not certified, as `x_uncertified.vtu` in place of `x.vtu`
+
+        Returns
+        -------
+        The file of the mesh
 
         Raises
         ------
@@ -284,15 +289,17 @@ class Mesh:
         """
         path = Path(path)
         format_of(path)
-        if not self.certified and not force:
+        uncertified = uncertified or self.config.export.uncertified
+        written = path if self.certified else uncertified_path(path)
+        if not self.certified and not uncertified:
             raise InputError(
                 f"was not written because the mesh is not certified: {'; '.join(self.certificate.reasons)}",
                 file=path,
-                remedy="give force=True to write it anyway",
+                remedy=f"give uncertified=True to write it as {written.name}",
             )
-        with guarded(self.inputs, files=[path], force=force):
-            write_files(self, path, force=force, uncertified=force)
-        return path
+        with guarded(self.inputs, files=[written], force=force):
+            write_files(self, written, force=force, uncertified=uncertified)
+        return written
 
     def __repr__(self) -> str:
         verdict = "; ".join([self.certificate.verdict, *self.certificate.reasons])
@@ -447,6 +454,7 @@ def write_files(
 
     Parameters
     ----------
+    path : of the mesh; `uncertified_path` if it is not certified, so that the files of an earlier mesh stay
     force : replace the companions of another mesh
     views : writes pictures and pages; gets a function that gives the temporary name of each
 
@@ -480,15 +488,17 @@ def write_files(
                 )
             )
 
-    # files of an earlier run are not to be taken for this run's
+    # files of an earlier mesh of this name are not to be taken for this one's
     earlier = (beside.certificate, sidecar_path(path))
     with recorded(certificate, beside.certificate, replaced=earlier, then=write_mesh) as place:
         write_meshed(made.surface, place(path))
         if beside.tissues:
             write_table(TISSUE_COLUMNS, made.tissue_rows, place(beside.tissues))
         views(place)
-    if force and not is_written:
-        path.unlink(missing_ok=True)
+    if made.certified:
+        failed = uncertified_path(path)
+        for record in filter(is_ours, (sidecar_path(failed), certificate_path(failed))):
+            delete_made(record)
     return told
 
 

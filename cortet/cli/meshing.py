@@ -65,7 +65,7 @@ class Views:
 
     def write(self, made: Mesh, place: Callable[[Path], Path]) -> None:
         """Write those that are asked for; `place` gives the temporary file of each."""
-        given = next(iter(made.native.values()))
+        given = next(iter(made.native.values()), made.surface)
         if self.slices:
             from cortet.report.slices import slices
 
@@ -127,29 +127,30 @@ def mesh(
     --------
     cortet mesh lh.pial.surf.gii --inner lh.white.surf.gii -o lh.inp
     """
-    from cortet.api.meshing import write_files
     from cortet.config import load
     from cortet.formats.tables import printed
     from cortet.formats.volumes import TISSUE_COLUMNS
     from cortet.meshes import by_region
     from cortet.pipeline import companions
-    from cortet.solver_files.meshed import require_own_stem
+    from cortet.solver_files.meshed import require_own_stem, uncertified_path
     from cortet.solver_files.sidecar import sidecar_path
 
     if views.slices and not volume:
         raise UsageError("--slices needs a volume", remedy="give one: --volume NAME=FILE")
-    # a file that cannot be written is refused before the work, and before files of an earlier run are deleted
+    # a file that cannot be written is refused before the work
     settings = configured.settings(size, layers)
     cell_size = load(settings).generate.cell_size[0]
     format_of(output)
-    beside = companions(output, dict(inner), volumes=bool(volume))
-    every = [*beside.files, sidecar_path(output)]
+    every = [
+        file
+        for target in (output, uncertified_path(output))
+        for file in (*companions(target, dict(inner), volumes=bool(volume)).files, sidecar_path(target))
+    ]
     for file in every:
         may_write(file)
     for view in (views.page, views.picture, views.slices):
         if view and view.absolute() in [one.absolute() for one in every]:
             refuse_companion(view)
-    existed = output.exists()
     if not how.force:
         require_own_stem(output, by_region(surface, dict(inner)), cell_size=cell_size)
     made = cortet.mesh(
@@ -162,27 +163,13 @@ def mesh(
         settings=settings,
         progress=table_of_stages(),
     )
-    certificate = replace(made.certificate, case=output.stem)
-    made = replace(made, certificate=certificate)
-    told = write_files(made, output, force=how.force, views=lambda place: views.write(made, place))
     print()
     if made.tissue_rows:
         print(printed(TISSUE_COLUMNS, made.tissue_rows) + "\n")
-    print_verdict(certificate)
-    print(f"{beside.certificate}: every number with its limit")
-    if certificate.certified:
-        for what in told:
-            print(f"{output}: {what}")
-        meshed = next(iter(beside.surfaces.values())).name
-        print(f"{output}: written, with the meshed surface: {meshed}")
-        if made.origin.kind == "white" and not inner:
-            print(WHITE_ALONE)
-    else:
-        deleted = existed and not output.exists()
-        print(
-            f"{output}: not written" + ("; cortet deleted the earlier file, which held another mesh" if deleted else "")
-        )
-    return 0 if certificate.certified else 1
+    _deliver(made, output, force=how.force, views=views)
+    if made.certified and made.origin.kind == "white" and not inner:
+        print(WHITE_ALONE)
+    return 0 if made.certified else 1
 
 
 def improve(
@@ -209,21 +196,37 @@ def improve(
     """
     from cortet.formats import read_mesh
     from cortet.measure.quality import summarise
-    from cortet.pipeline import companions
 
     format_of(output)
     before = summarise(read_mesh(file))
     made = cortet.improve(file, surface, configured.cell_size, settings=configured.settings())
     now = made.certificate.quality
     print(f"worst q {before.q.max:.3f}, now {now.q.max:.3f}; {before.tets:,} tetrahedra, now {now.tets:,}")
+    _deliver(made, output, force=how.force)
+    return 0 if made.certified else 1
+
+
+def _deliver(made: Mesh, output: Path, *, force: bool, views: Views = Views()) -> None:
+    """Write a mesh and what belongs to it, and print the verdict and what was written.
+
+    A mesh that is not certified gets another name, so that an earlier mesh and its certificate stay.
+    """
+    from cortet.api.meshing import write_files
+    from cortet.pipeline import companions
+    from cortet.solver_files.meshed import uncertified_path
+
+    made = replace(made, certificate=replace(made.certificate, case=output.stem))
+    target, uncertified = output if made.certified else uncertified_path(output), made.config.export.uncertified
+    beside = companions(target, made.surface.inner, volumes=bool(made.tissue_rows))
+    told = write_files(made, target, force=force, uncertified=uncertified, views=lambda place: views.write(made, place))
     print_verdict(made.certificate)
+    print(f"{beside.certificate}: every number with its limit")
+    if made.certified or uncertified:
+        for what in told:
+            print(f"{target}: {what}")
+        print(f"{target}: written, with the meshed surface: {next(iter(beside.surfaces.values())).name}")
     if not made.certified:
-        print(f"{output}: not written")
-        return 1
-    made.save(output, force=how.force)
-    print(f"{companions(output, made.surface.inner, volumes=False).certificate}: every number with its limit")
-    print(f"{output}: written")
-    return 0
+        print(f"{output}: not written" + ("; the earlier file stays" if output.exists() else ""))
 
 
 def table_of_stages() -> Callable[[Step], None]:

@@ -23,7 +23,7 @@ from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, MeshSets, TetMesh, TriSurface
 from cortet.solver_files.conventions import broken_conventions
 from cortet.solver_files.fields import FieldSource, field_sources, with_q, without_q
-from cortet.solver_files.meshed import Origin, moved
+from cortet.solver_files.meshed import Origin, certificate_beside, is_named_uncertified, moved, uncertified_path
 from cortet.solver_files.names import held, left_out, writable
 from cortet.solver_files.sets import named_sets, tagged
 from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar, sidecar_path
@@ -189,10 +189,16 @@ def convert(
     Returns
     -------
     what was changed on the way, in words
+
+    Raises
+    ------
+    InputError : `source` cannot be read as a mesh of a brain in mm, or the certificate beside it fails it, and the name
+        of `target` does not end with `_uncertified`
     """
     written_as, record = format_of(target), read_sidecar(source)
     done = [f"{source.name} was {CHANGED}"] if changed_since(source) else []
     mesh = _in_mm(source, record, source_unit)
+    _require_no_failure(mesh, source, target)
     require_body(mesh, source)
     surface_nodes = boundary_nodes(mesh)
     if surface_nodes[-1] != len(surface_nodes) - 1:
@@ -210,6 +216,19 @@ def convert(
         "made_from": moved(record.get("made_from"), source.parent, target.parent),
     }
     return done + _write_all(mesh, target, written_as, unit, source, about)
+
+
+def _require_no_failure(mesh: TetMesh, source: Path, target: Path) -> None:
+    """Raise InputError if the certificate beside a mesh fails it, unless the name of the new file says so."""
+    certificate = certificate_beside(source)
+    if is_named_uncertified(target) or certificate.get("certified") is not False:
+        return
+    if certificate.get("mesh_sha256") == mesh_sha256(mesh):
+        raise InputError(
+            f"is not certified: {'; '.join(certificate['reasons'])}",
+            file=source,
+            remedy=f"to convert it anyway, write to {uncertified_path(target).name}",
+        )
 
 
 def _in_mm(source: Path, record: Mapping[str, Any], unit: str | None) -> TetMesh:

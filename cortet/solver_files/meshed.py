@@ -21,6 +21,8 @@ from cortet.meshes import BRAIN, OUTERMOST, TriSurface, region_names
 from cortet.solver_files.sidecar import read_sidecar
 from cortet.solver_files.volumes import sources
 
+#: end of the stem of a file whose mesh is not certified
+UNCERTIFIED = "_uncertified"
 #: a hemisphere
 Hemisphere = Literal["L", "R"]
 
@@ -55,6 +57,16 @@ def certificate_path(mesh: Path) -> Path:
     return mesh.with_name(f"{mesh.stem}.certificate.json")
 
 
+def uncertified_path(mesh: Path) -> Path:
+    """The name of a mesh that is not certified: `x_uncertified.vtu` for `x.vtu`."""
+    return mesh if is_named_uncertified(mesh) else mesh.with_name(f"{mesh.stem}{UNCERTIFIED}{mesh.suffix}")
+
+
+def is_named_uncertified(mesh: Path) -> bool:
+    """Whether the name of a mesh says that it is not certified."""
+    return mesh.stem.endswith(UNCERTIFIED)
+
+
 def cell_size_of(mesh: Path) -> float | None:
     """Cell size, mm, that the certificate beside a mesh records, of a command or of the workflow; None without one."""
     stages = parameters_of(mesh)
@@ -63,10 +75,15 @@ def cell_size_of(mesh: Path) -> float | None:
 
 
 def parameters_of(mesh: Path) -> dict[str, Any]:
-    """Stage -> its parameters, by the certificate beside a mesh, of a command or the workflow; empty without one."""
-    of_workflow = mesh.with_name(f"{mesh.stem.removesuffix('_tetmesh')}_certificate.json")
-    files = (certificate_path(mesh), of_workflow)
-    return next((found for file in files if (found := json_of(file).get("parameters"))), {})
+    """Stage -> its parameters, by `certificate_beside`."""
+    found: dict[str, Any] = certificate_beside(mesh).get("parameters") or {}
+    return found
+
+
+def certificate_beside(mesh: Path) -> dict[str, Any]:
+    """Content of the certificate beside a mesh, of a command or of the workflow; empty without one."""
+    of_workflow = mesh.with_name(f"{mesh.stem.removesuffix('_tetmesh').removesuffix('_sets')}_certificate.json")
+    return json_of(certificate_path(mesh)) or json_of(of_workflow)
 
 
 def require_own_stem(

@@ -203,13 +203,21 @@ def test_no_file_of_others_is_replaced_unless_forced_and_no_input_ever(ball, tmp
     assert len(vtu.read(theirs).cells) == len(made.cells)
 
 
-def test_a_mesh_that_is_not_certified_is_saved_only_if_forced(ball, tmp_path):
+def test_a_mesh_that_is_not_certified_is_saved_only_on_demand_and_its_name_says_so(ball, tmp_path):
     strict = cortet.mesh(ball, COARSE, settings={"certify": {"q_max": 0.01}}, progress=False)
     assert not strict.certified and "NOT certified" in repr(strict)
-    with pytest.raises(InputError, match="not certified.*force=True"):
-        strict.save(tmp_path / "x.vtu")
-    assert not (tmp_path / "x.vtu").exists()
-    assert strict.save(tmp_path / "x.vtu", force=True).exists()
+    for force in (False, True):
+        with pytest.raises(InputError, match="not certified.*uncertified=True"):
+            strict.save(tmp_path / "x.vtu", force=force)
+    saved = strict.save(tmp_path / "x.vtu", uncertified=True)
+    assert saved.name == "x_uncertified.vtu" and saved.exists() and not (tmp_path / "x.vtu").exists()
+    with pytest.raises(InputError, match="not certified.*x_uncertified.inp"):
+        cortet.convert(saved, tmp_path / "x.inp")
+    cortet.convert(saved, tmp_path / "x_uncertified.inp")
+    cortet.mesh(ball, COARSE, progress=False).save(tmp_path / "x.vtu")
+    left = {path.name for path in tmp_path.glob("x*")}
+    converted = {"x_uncertified.inp", "x_uncertified.inp.json"}
+    assert left == {"x.vtu", "x.vtu.json", "x.certificate.json", "x.meshed.surf.gii", *converted}
 
 
 def test_a_mesh_folds_from_the_age_it_was_made_at(made, tmp_path):

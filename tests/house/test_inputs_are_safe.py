@@ -141,17 +141,23 @@ def test_no_command_changes_or_deletes_a_file_that_was_there(given, tmp_path, mo
     assert contents(given, GIVEN) == before, allowed
 
 
-def test_an_uncertified_mesh_leaves_nothing_of_an_earlier_one(tmp_path, monkeypatch):
+def test_an_uncertified_mesh_gets_another_name_and_an_earlier_one_stays_with_its_certificate(tmp_path, monkeypatch):
     write_surface(ball_surface(3, 14.0), tmp_path / "a.surf.gii")
     mesh = "mesh a.surf.gii --cell-size 5 -o x.pts --page x.html"
     assert run(mesh, tmp_path, monkeypatch) == 0
-    assert {"x.pts", "x.elem", "x.lon", "x.pts.json", "x.meshed.surf.gii"} <= {path.name for path in tmp_path.iterdir()}
-    (tmp_path / "x.notes").write_text("mine")
     (tmp_path / "strict.yaml").write_text("certify:\n  q_max: 0.01\n")
-    assert run("mesh a.surf.gii --cell-size 5 --config strict.yaml -o x.pts", tmp_path, monkeypatch) == 1
-    assert json.loads((tmp_path / "x.certificate.json").read_text())["certified"] is False
-    left = {"a.surf.gii", "strict.yaml", "x.notes", "x.certificate.json", "x.meshed.surf.gii"}
-    assert {path.name for path in tmp_path.iterdir()} == {*left, MANIFEST}
+    (tmp_path / "mine.pts").write_text("mine")
+    before = {path: path.read_bytes() for path in tmp_path.iterdir() if path.name != MANIFEST}
+    assert {"x.pts", "x.elem", "x.lon", "x.pts.json", "x.meshed.surf.gii"} <= {path.name for path in before}
+    for name in ("x", "mine"):
+        strict = f"mesh a.surf.gii --cell-size 5 --config strict.yaml -o {name}.pts --force"
+        assert run(strict, tmp_path, monkeypatch) == 1
+        assert json.loads((tmp_path / f"{name}_uncertified.certificate.json").read_text())["certified"] is False
+    assert {path: path.read_bytes() for path in before} == before
+    made = {f"{name}_uncertified{end}" for name in ("x", "mine") for end in (".certificate.json", ".meshed.surf.gii")}
+    assert {path.name for path in tmp_path.iterdir()} == {*(path.name for path in before), *made, MANIFEST}
+    assert run("mesh a.surf.gii --cell-size 5 -o x.pts", tmp_path, monkeypatch) == 0
+    assert not [*tmp_path.glob("x_uncertified*")]
 
 
 @pytest.fixture(scope="module")
