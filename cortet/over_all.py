@@ -25,7 +25,7 @@ from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import read_sheet
 from cortet.config import load
 from cortet.errors import CortetError, InputError
-from cortet.folding.plan import folds_on_page
+from cortet.folding.plan import Folds, folds_on_page
 from cortet.formats.atomic import atomic_path, write_json
 from cortet.formats.ownership import json_of
 from cortet.paper.results import results as paper_results
@@ -224,7 +224,7 @@ def results(plan: Plan) -> dict[str, Results]:
 
 
 def cohort_tables(plan: Plan) -> Results:
-    """Quality, stages, tissues and states, and the citation of the run."""
+    """Quality, stages, tissues and states."""
     files = _tables(plan)
 
     def inputs() -> list[str]:
@@ -237,7 +237,6 @@ def cohort_tables(plan: Plan) -> Results:
 
     def write() -> None:
         from cortet.report import cohort_tables
-        from cortet.report.methods import methods_text, write_citation
         from cortet.report.records import read_certificate
 
         _write_status(plan)
@@ -248,22 +247,17 @@ def cohort_tables(plan: Plan) -> Results:
             tables = plan.tissue_tables()
             described = [plan.described(mesh) for mesh in tables]
             cohort_tables.write_tissues(list(tables.values()), described, files["tissues"])
-        methods = "No mesh has been made."
-        if certificates:
-            methods = methods_text(certificates, plan.sheet, plan.unmeasured())
-        write_citation(methods, certificates, *files["citation"])
 
     return Results([path for paths in files.values() for path in paths], inputs, facts, write)
 
 
 def _tables(plan: Plan) -> dict[str, list[str]]:
-    """Files of each table of a cohort, and of the citation."""
+    """Files of each table of a cohort."""
     return {
         "status": files_of(plan, "cohort_status", ".tsv", ".json"),
         "quality": files_of(plan, "cohort_quality", ".tsv", ".json"),
         "stages": files_of(plan, "cohort_stages", ".tsv", ".json"),
         **({"tissues": files_of(plan, "cohort_tissues", ".tsv", ".json")} if plan.has_volumes else {}),
-        "citation": [f"{plan.layout.output}/logs/CITATION{suffix}" for suffix in (".md", ".bib")],
     }
 
 
@@ -283,7 +277,7 @@ def _update_states(plan: Plan, *, began: str = "") -> None:
 
 
 def cohort_page(plan: Plan) -> Results:
-    """The page of a cohort and what it shows: the figure, means on the common mesh, and the folds."""
+    """The page of a cohort with what it shows: figure, means on the common mesh, folds; and the methods paragraph."""
     tables, parts, maps = _tables(plan), folds_on_page(plan), _maps(plan)
     figure = _figure(plan)
     of_parts = [path for part in parts for path in part.files]
@@ -316,9 +310,32 @@ def cohort_page(plan: Plan) -> Results:
         for part in parts:
             part.write()
         _write_page(plan)
+        _cite(plan)
 
-    files = [plan.layout.cohort_page, *figure, *(path for paths in maps.values() for path in paths), *of_parts]
+    of_maps = [path for paths in maps.values() for path in paths]
+    files = [plan.layout.cohort_page, *_citation(plan), *figure, *of_maps, *of_parts]
     return Results(files, inputs, facts, write)
+
+
+def _citation(plan: Plan) -> list[str]:
+    """Files of the methods paragraph of a run, and of its references."""
+    return [f"{plan.layout.output}/logs/CITATION{suffix}" for suffix in (".md", ".bib")]
+
+
+def _cite(plan: Plan) -> None:
+    """Write the methods paragraph of a run, with its folds."""
+    from cortet.folding.sentences import fold_sentences, verdict_of_fold
+    from cortet.report.methods import methods_text, write_citation
+    from cortet.report.records import read_certificate
+
+    certificates = [*map(read_certificate, plan.measured_certificates())]
+    methods, folds = "No mesh has been made.", {}
+    for path, run in Folds(plan).runs().items():
+        if verdict := verdict_of_fold(Path(path).parent):
+            folds[" ".join(filter(None, (run["case"], run["variant"])))] = verdict
+    if certificates:
+        methods = methods_text(certificates, plan.sheet, plan.unmeasured(), fold_sentences(folds))
+    write_citation(methods, certificates, *_citation(plan))
 
 
 def _figure(plan: Plan) -> list[str]:

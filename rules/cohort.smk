@@ -15,7 +15,7 @@ rule cohort_tables:
     localrule: True
     params:
         facts=facts_of("cohort_tables"),
-        version=versions("report.cohort_tables", "report.table_files", "report.methods"),
+        version=versions("report.cohort_tables", "report.table_files"),
     script:
         "../scripts/over_all.py"
 
@@ -33,7 +33,7 @@ rule cohort_page:
         runtime=60,
     params:
         facts=facts_of("cohort_page"),
-        version=versions("report.pages", "report.figures", "report.cohort_maps"),
+        version=versions("report.pages", "report.figures", "report.cohort_maps", "report.methods"),
     script:
         "../scripts/over_all.py"
 

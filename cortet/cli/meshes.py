@@ -1,8 +1,9 @@
-"""Commands on meshes: `quality`, `certify`, `convert`, `quadratic`, `picture`, `project`."""
+"""Commands on meshes: `quality`, `certify`, `cite`, `convert`, `quadratic`, `picture`, `project`."""
 
 from __future__ import annotations
 
 import json as json_format
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -34,7 +35,7 @@ Unit = Literal["mm", "um"]
 
 def add_commands(app: App) -> None:
     """Add the commands on meshes."""
-    add(app, MESHES, quality, certify, convert, quadratic, picture, project)
+    add(app, MESHES, quality, certify, cite, convert, quadratic, picture, project)
 
 
 def quality(file: MeshFile, /, *, json: bool = False, _: Common = Common()) -> int:
@@ -99,6 +100,36 @@ def certify(
         print(f"{'pass' if check.passed else 'FAIL'}  {check.finding}")
     print_verdict(certificate)
     return 0 if certificate.certified else 1
+
+
+def cite(file: MeshFile, folds: Sequence[Path] = (), /, *, _: Common = Common()) -> int:
+    """Print a paragraph about a mesh and its folds for a methods section, with its references.
+
+    Parameters
+    ----------
+    folds
+        Folders that `cortet fold` wrote.
+
+    Examples
+    --------
+    cortet cite lh.vtu folded
+    """
+    from cortet.folding.sentences import fold_sentences, verdict_of_fold
+    from cortet.report.methods import bibliography, methods_of_mesh, with_citations
+    from cortet.solver_files.meshed import certificate_beside
+    from cortet.solver_files.sidecar import read_sidecar
+
+    certificate, origin = certificate_beside(file), read_sidecar(file).get("made_from") or {}
+    if not certificate:
+        raise InputError("has no certificate next to it", file=file, remedy="name a mesh that `cortet mesh` wrote")
+    verdicts = {str(folder): verdict_of_fold(folder) for folder in folds}
+    for folder in (folder for folder, verdict in verdicts.items() if not verdict):
+        raise InputError("holds no finished fold", file=folder, remedy="name a folder that `cortet fold` wrote")
+    age, hemi = origin.get("gestational_age"), origin.get("hemisphere")
+    paragraph = methods_of_mesh(certificate, age, hemi, fold_sentences(verdicts))
+    print(with_citations(paragraph, [certificate]))
+    print(bibliography([certificate]))
+    return 0
 
 
 def _say_meshed(source: Path, given: Path | None, mesh: Path) -> None:

@@ -15,14 +15,14 @@ from matplotlib.figure import Figure
 from cortet.folding.fold_figures import FILM, NUMBERS, PICTURE, curves, real_points, weeks
 from cortet.folding.journal import TABLE, VERDICT
 from cortet.formats.tables import Column, headed, read_columns, write_table
-from cortet.formats.tsv import cell, read_tsv
+from cortet.formats.tsv import MISSING, cell, read_tsv
 from cortet.report import pages
 from cortet.report.cohort_page import KEY
 from cortet.report.colours import COLOURS
 from cortet.report.figures import PAGE, H, drawn, letter, save
 from cortet.report.pages import Panel, Part
 
-VERSION: int = 4
+VERSION: int = 5
 
 _DATA = Path(__file__).with_name("data")
 
@@ -85,6 +85,8 @@ def _row(run: Mapping[str, Any]) -> dict[str, Any]:
         "end_weeks": verdict["gestational_age"],
         **{column: None if pd.isna(last[column]) else float(last[column]) for column in _LAST},
         **{key: verdict[key] for key in ("thickness_mm", "min_j", "q_max", "tets", "steps", "reason")},
+        **{key: verdict[key] for key in ("distorted_share", "compressed_share")},
+        "warnings": "; ".join(verdict["warnings"]),
     }
 
 
@@ -145,7 +147,8 @@ def _folds(table: Path, folds: Sequence[Mapping[str, Any]]) -> Part:
     folders = {tuple(cell(run[key]) for key in keys): run["folder"] for run in folds}
     rows = []
     for row in read_tsv(table).to_dict("records"):
-        why = "" if row["state"] == "folded" else row["reason"]
+        doubts = "" if row["warnings"] == MISSING else row["warnings"]
+        why = doubts if row["state"] == "folded" else row["reason"]
         folder = "" if row["state"] == "failed" else folders[tuple(row[key] for key in keys)]
         rows.append(
             {

@@ -35,7 +35,7 @@ from cortet.folding.journal import (
     write_series,
 )
 from cortet.folding.kernels import Motion
-from cortet.folding.measurements import COLUMNS, Measurements
+from cortet.folding.measurements import COLUMNS, COMPRESSED, Measurements
 from cortet.folding.measures import weeks_in
 from cortet.folding.mechanics import Mechanics, mechanics
 from cortet.folding.patches import renew
@@ -58,7 +58,7 @@ from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.formats.tables import write_table
 from cortet.meshes import TetMesh
 
-VERSION: int = 13
+VERSION: int = 14
 
 #: wall time between two checkpoints, and between two updates of the tables
 _CHECKPOINT_SECONDS, _TABLE_SECONDS = 30.0, 1.0
@@ -68,6 +68,8 @@ _FRAMES = "frame_[0-9][0-9][0-9][0-9]*.vtu"
 SAME_AGE = 1e-6
 #: gyrification index below which a body is none that folds, and its fold ends
 _LEAST_INDEX = 0.95
+#: fraction of compressed tetrahedra from which on a fold is doubtful
+_COMPRESSED_SHARE = 1e-3
 #: weeks by which the age in the name of a field may be rounded
 _ROUNDED = 1e-3
 
@@ -93,9 +95,13 @@ class Verdict:
     thickness_mm: float
     #: smallest J of all steps
     min_j: float
-    #: largest q of all rows of the table
+    #: largest q of all rows of the table, and largest fractions of tetrahedra with a large q and a small J
     q_max: float
+    distorted_share: float
+    compressed_share: float
     gyrification_index_last: float
+    #: of the fold: the section `fold`, gestational age at the start, and hemisphere
+    settings: dict[str, Any]
     #: the tetrahedron that inverted, and its centre
     element: int | None = None
     place_mm: tuple[float, float, float] | None = None
@@ -142,7 +148,7 @@ def fold(
     with hold(folder):
         try:
             moment, rows = _followed(run, Journal(folder, made_of), settings, progress, frames_at)
-            verdict = _verdict(run, moment, rows, tuple(doubts))
+            verdict = _verdict(run, moment, rows, [*doubts, *_strained(rows)], settings)
             write_json(asdict(verdict), folder / VERDICT)
         finally:
             (folder / LOCK).unlink()
@@ -293,7 +299,20 @@ class Journal:
         write_series(self.frames, self.folder / SERIES)
 
 
-def _verdict(run: Run, moment: Moment, rows: list[dict[str, Any]], warnings: tuple[str, ...]) -> Verdict:
+def _strained(rows: list[dict[str, Any]]) -> list[str]:
+    """A doubt about a fold in which many tetrahedra are compressed, though its material resists compression most."""
+    worst = max(rows, key=lambda row: row["compressed_share"])
+    if worst["compressed_share"] < _COMPRESSED_SHARE:
+        return []
+    return [
+        f"at {worst['gestational_age']:.1f} weeks {worst['compressed_share']:.2%} of the tetrahedra are compressed to "
+        f"less than half of their volume (J below {COMPRESSED:g}); smaller cells compress less"
+    ]
+
+
+def _verdict(
+    run: Run, moment: Moment, rows: list[dict[str, Any]], warnings: Sequence[str], settings: Settings
+) -> Verdict:
     age, index = rows[-1]["gestational_age"], rows[-1]["gyrification_index"]
     outcome: Literal["folded", "inverted", "implausible"] = "folded"
     element, place = None, None
@@ -315,14 +334,17 @@ def _verdict(run: Run, moment: Moment, rows: list[dict[str, Any]], warnings: tup
     return Verdict(
         outcome=outcome,
         reason=reason,
-        warnings=warnings,
+        warnings=tuple(warnings),
         tets=len(run.cell),
         steps=moment.step,
         gestational_age=age,
         thickness_mm=thickness_mm(run),
         min_j=min(row["min_j"] for row in rows),
         q_max=max(row["q_max"] for row in rows),
+        distorted_share=max(row["distorted_share"] for row in rows),
+        compressed_share=max(row["compressed_share"] for row in rows),
         gyrification_index_last=index,
+        settings=settings.values(),
         element=element,
         place_mm=place,
     )

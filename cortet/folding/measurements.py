@@ -22,6 +22,8 @@ _SMOOTHING = 1.5
 #: radius of the ball of local gyrification over the length of the surface
 _GYRIFICATION = 0.12
 
+#: q and J of a tetrahedron beyond which it counts as distorted and as compressed
+DISTORTED, COMPRESSED = 0.6, 0.5
 #: columns of the table, in the order of `Measurements`
 COLUMNS = read_columns(Path(__file__).with_name("data") / "fold_columns.tsv")
 
@@ -43,6 +45,8 @@ class Measurements:
     inverted: int
     degenerate: int
     q_max: float
+    distorted_share: float
+    compressed_share: float
     gyrification_index: float
     fold_spacing_mm: float | None
     fold_wavelength_mm: float | None

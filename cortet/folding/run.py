@@ -25,7 +25,7 @@ from cortet.folding.body import (
 from cortet.folding.contact import REFERENCE_PENALTY, Contact, contact_of, listed_at, planes_of
 from cortet.folding.growth import age_of, check_age, time_of
 from cortet.folding.kernels import DONE, INVERTED, LIST_OUTDATED, Motion, Work, advance, energies, workspace
-from cortet.folding.measurements import Measurements, shape
+from cortet.folding.measurements import COMPRESSED, DISTORTED, Measurements, shape
 from cortet.folding.medial_wall import Wall, medial_wall
 from cortet.folding.models import (
     Growth,
@@ -385,6 +385,7 @@ def measured(run: Run, moment: Moment) -> Measurements:
     missing = kinetic + elastic + dissipated - moment.growth_work - pushed
     flow = abs(moment.growth_work) + abs(pushed)
     inverted = int((~(work.current > 0)).sum())
+    j, q = work.current / work.grown, quality(moment.state.x, run.mesh.cells)
     points = millimetres(run, moment)
     cortex = float(work.share @ work.current) * (run.scale.length * run.growth.frame(moment.time)) ** 3
     return Measurements(
@@ -397,10 +398,12 @@ def measured(run: Run, moment: Moment) -> Measurements:
         growth_work=moment.growth_work,
         contact_work=pushed,
         energy_error=None if inverted else missing / flow if flow else 0.0,
-        min_j=min(float((work.current / work.grown).min()), float(work.min_j[0])),
+        min_j=min(float(j.min()), float(work.min_j[0])),
         inverted=inverted,
         degenerate=int(work.counts[0]),
         contacts=int(work.counts[1]),
-        q_max=float(quality(moment.state.x, run.mesh.cells).max()),
+        q_max=float(q.max()),
+        distorted_share=float((q > DISTORTED).mean()),
+        compressed_share=float((j < COMPRESSED).mean()),
         **shape(points, run.faces, run.body.held, cortex),
     )

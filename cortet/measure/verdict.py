@@ -8,6 +8,9 @@ from typing import Any
 from cortet.config.sections import Certify
 from cortet.config.settings import SETTINGS
 
+#: before the name of a preset
+OF_PRESET = "the limits of"
+
 
 def surfaces_of(report: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     """The reports of `repair` on the surfaces that it changed: the outer surface is "", inner ones have their names.
@@ -37,9 +40,10 @@ def relaxed_limits(limits: Certify) -> str:
         return ""
     for name, setting in SETTINGS.items():
         if weaker == _weaker(Certify(**setting.get("certify", {}))):
-            return f"the limits of `{name}`"
-    changed = (f"{key} off" if now is None else f"{key} {now:g} instead of {usual:g}" for key, (now, usual) in weaker)
-    return f"your limits ({', '.join(changed)})"
+            return f"{OF_PRESET} `{name}`"
+    return ", ".join(
+        f"{key} off" if now is None else f"{key} {now:g} instead of {usual:g}" for key, (now, usual) in weaker
+    )
 
 
 def verdict_in_words(*, certified: bool, relaxed: str, repaired: float | None) -> str:
@@ -52,7 +56,8 @@ def verdict_in_words(*, certified: bool, relaxed: str, repaired: float | None) -
     """
     if not certified:
         return "NOT certified"
-    words = f"certified to {relaxed}" if relaxed else "certified"
+    limits = relaxed if relaxed.startswith(OF_PRESET) else f"your limits ({relaxed})"
+    words = f"certified to {limits}" if relaxed else "certified"
     return words if repaired is None else f"{words}, {share_in_words(repaired)} of the surface repaired"
 
 

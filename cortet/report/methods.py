@@ -28,6 +28,8 @@ REFERENCES = {
         flags=re.DOTALL,
     )
 }
+#: end of the first sentence
+_METHOD = "an implementation of CORTET (arXiv:2607.12157)."
 #: before the references, at the end of the paragraph
 _CLOSING = "The method and the software are described in"
 #: name of a mesher in S1 -> key of its program
@@ -52,8 +54,13 @@ _NAMES = {
 }
 
 
-def methods_text(certificates: Sequence[Certificate], sheet: Iterable[Case], failures: Mapping[str, str]) -> str:
-    """The paragraph, in Markdown.
+def methods_text(
+    certificates: Sequence[Certificate],
+    sheet: Iterable[Case],
+    failures: Mapping[str, str],
+    further: Sequence[str] = (),
+) -> str:
+    """The paragraph of a cohort, in Markdown.
 
     Parameters
     ----------
@@ -61,17 +68,40 @@ def methods_text(certificates: Sequence[Certificate], sheet: Iterable[Case], fai
         versions, except for cell sizes, meshers, and smoothing, which surfaces of unknown age lack
     sheet : all cases, including excluded ones
     failures : case -> why it has no certificate
+    further : sentences on what was done with the meshes, such as their folds
     """
     cases = {case.name: case for case in sheet}
     meshed = [cases[name] for name in dict.fromkeys(content["case"] for content in certificates)]
-    sentences = [
-        *_cohort(meshed),
-        *_exclusions(cases.values(), failures),
-        *stage_sentences(certificates),
-        *_outcome(certificates),
-        _versions(certificates),
-    ]
-    return " ".join(sentences) + "\n"
+    told = [*_cohort(meshed), *_exclusions(cases.values(), failures)]
+    return " ".join([*told, *_done(certificates), *further, _versions(certificates)]) + "\n"
+
+
+def methods_of_mesh(certificate: Certificate, age: float | None, hemi: str | None, further: Sequence[str] = ()) -> str:
+    """The paragraph of a single mesh, in Markdown.
+
+    Parameters
+    ----------
+    certificate : content of its certificate
+    age : gestational age, weeks, if it is known
+    hemi : L or R; None: a whole brain, or not known
+    further : as in `methods_text`
+    """
+    of = {"L": "the left hemisphere of a brain", "R": "the right hemisphere of a brain"}.get(hemi or "", "a brain")
+    aged = f" ({_ages([age], 1)})" if age is not None else ""
+    first = f"A tetrahedral mesh was made of a closed cortical surface of {of}{aged} with cortet, {_METHOD}"
+    return " ".join([first, *_done([certificate]), *further, _versions([certificate])]) + "\n"
+
+
+def with_citations(paragraph: str, certificates: Sequence[Certificate]) -> str:
+    """The paragraph with the keys of its references; parameters as of `write_citation`."""
+    in_text = "; ".join(f"@{key}" for key in cited(certificates))
+    return f"{paragraph.strip()} {_CLOSING} [{in_text}].\n"
+
+
+def _done(certificates: Sequence[Certificate]) -> list[str]:
+    """What the stages did, and what came out."""
+    made = [content for content in certificates if "generate" in content["parameters"]]
+    return [*(stage_sentences(made) if made else []), *_outcome(certificates)]
 
 
 def write_citation(paragraph: str, certificates: Sequence[Certificate], markdown: str, bibtex: str) -> None:
@@ -82,12 +112,15 @@ def write_citation(paragraph: str, certificates: Sequence[Certificate], markdown
     paragraph : from `methods_text`
     certificates : contents of the certificates that the paragraph is about
     """
-    keys = cited(certificates)
-    in_text = "; ".join(f"@{key}" for key in keys)
-    text = f"{paragraph.strip()} {_CLOSING} [{in_text}].\n\n### References\n"
-    for path, content in ((markdown, text), (bibtex, "\n".join(REFERENCES[key] for key in keys))):
+    text = f"{with_citations(paragraph, certificates)}\n### References\n"
+    for path, content in ((markdown, text), (bibtex, bibliography(certificates))):
         with atomic_path(path) as temporary:
             temporary.write_text(content, encoding="utf-8")
+
+
+def bibliography(certificates: Sequence[Certificate]) -> str:
+    """BibTeX of what a run used; parameter as of `cited`."""
+    return "\n".join(REFERENCES[key] for key in cited(certificates))
 
 
 def cited(certificates: Sequence[Certificate]) -> list[str]:
@@ -113,8 +146,7 @@ def _cohort(cases: Sequence[Case]) -> list[str]:
     made = f" ({'all' if phantoms == len(cases) else phantoms} of them synthetic)" if phantoms else ""
     return [
         f"Tetrahedral meshes were made of {counted(len(cases), 'closed cortical surface')}{made} of "
-        f"{counted(subjects, 'participant')} ({', '.join(parts)}; {at_scan}) with cortet, "
-        "an implementation of CORTET (arXiv:2607.12157)."
+        f"{counted(subjects, 'participant')} ({', '.join(parts)}; {at_scan}) with cortet, {_METHOD}"
     ]
 
 
@@ -149,14 +181,15 @@ def _outcome(certificates: Sequence[Certificate]) -> list[str]:
     worst = [content["quality"]["q"]["max"] for content in certificates]
     limit = limit_of(certificates[0], "worst_q")
     certified = sum(content["certified"] for content in certificates)
+    values = sorted({f"{one:.3f}" for one in worst})
     sentences = [
         "Quality was measured as q = 1 - √2 · 6V / l³ (V volume, l root mean square edge length; 0 for a regular "
         f"tetrahedron, 1 for a flat one). Of {counted(len(certificates), 'mesh')}, {certified} had a worst q below "
-        f"{limit:g}, positive volumes and a boundary with the topology and the place of the surface (certified); the "
-        f"worst q was {min(worst):.3f} to {max(worst):.3f}."
+        f"{limit:g}, positive volumes and a boundary with the topology and the position of the surface (certified); "
+        f"the worst q was {' to '.join([values[0], *values[1:][-1:]])}."
     ]
     if relaxed := sorted({content["relaxed"] for content in certificates if content.get("relaxed")}):
-        sentences.append(f"Meshes were certified to {' or '.join(relaxed)}; these limits are weaker than the default.")
+        sentences.append(f"Limits were weaker than the defaults of cortet: {'; or '.join(relaxed)}.")
     if refused := [content for content in certificates if not content["certified"]]:
         reasons = "; ".join(f"{content['case']} ({findings(content)})" for content in refused)
         sentences.append(f"Not certified: {reasons}.")

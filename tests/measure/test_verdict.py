@@ -64,9 +64,9 @@ def test_native_limits_hold_for_a_repaired_surface_but_at_what_is_new():
         ({"certify": {"q_max": 0.5, "min_bank_gap": 0.1}}, ""),  # stronger ones
         (
             {"certify": {"max_area_change": None, "q_max": 0.95}},
-            "your limits (q_max 0.95 instead of 0.6, max_area_change off)",
+            "q_max 0.95 instead of 0.6, max_area_change off",
         ),
-        ({"certify": {"min_bank_gap": 0.01}}, "your limits (min_bank_gap 0.01 instead of 0.03)"),
+        ({"certify": {"min_bank_gap": 0.01}}, "min_bank_gap 0.01 instead of 0.03"),
         ({"setting": "published"}, "the limits of `published`"),
         ({"setting": "cgal"}, "the limits of `cgal`"),
         ({"setting": "folding"}, ""),
