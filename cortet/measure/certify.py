@@ -73,7 +73,7 @@ SCHEMA = 2
 #: relative difference allowed between the sum of volumes and the volume inside the boundary
 VOLUME_TOLERANCE = 1e-9
 #: remedy for a surface of which repair made too much
-_WHOLE = "mesh a surface from which nothing is missing, or raise the limit if the missing part does not matter to you"
+_COMPLETE = "complete the surface, or raise this limit if the missing part does not matter"
 #: most locations of one kind to list
 PLACES = 10
 #: distributions whose versions can change a mesh or its numbers
@@ -287,8 +287,8 @@ def _numbers(mesh: TetMesh, found: Certificate, limits: Certify, euler_number: i
     if found.native is not None:
         yield from native_numbers(found.native, limits)
     if repairs := found.reports.get("repair"):
-        yield Number("repaired_area", repaired_share(repairs), limits.max_repaired_area, _WHOLE)
-        yield Number("repaired_volume", bulging_share(repairs), limits.max_repaired_volume, _WHOLE)
+        yield Number("repaired_area", repaired_share(repairs), limits.max_repaired_area, _COMPLETE)
+        yield Number("repaired_volume", bulging_share(repairs), limits.max_repaired_volume, _COMPLETE)
     for region in found.regions:
         change = abs(region.relative_volume_change)
         yield Number("region_tetrahedra", region.tetrahedra, 1, "", region.name)
