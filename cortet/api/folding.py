@@ -64,12 +64,16 @@ def growth(
     """
     from cortet.folding.surface_growth import measured, through_spheres
     from cortet.solver_files.names import growth_field
+    from cortet.stages.gate import require_size
 
     if len(ages) != 2 or not ages[0] < ages[1]:
         raise UsageError(f"{', '.join(map(str, ages))} are not an early and a later age", remedy="give two, rising")
     first, last = surface(early), surface(later)
     if spheres:
         last = through_spheres(last, surface(spheres[1]), surface(spheres[0]))
+    for one, given in ((first, early), (last, later)):
+        file = given if isinstance(given, str | Path) else None
+        require_size(one, file=file, option="give both surfaces in mm")
     found = measured(first, last, smooth)
     return {growth_field(ages[1]): found.tensors}, found
 

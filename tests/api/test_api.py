@@ -132,6 +132,39 @@ def test_a_call_refuses_what_it_cannot_do(made, call, keyword):
         call(made)
 
 
+@pytest.mark.parametrize(("unit", "factor"), [("m", 1e-3), ("cm", 0.1), ("um", 1e3)])
+def test_coordinates_that_are_not_mm_are_refused_at_every_door(unit, factor, tmp_path):
+    """Mesh and surface alike in cm were certified: only the lengths of the certificate were wrong."""
+    mesh = ball_mesh(2, radius=10.0)
+    mesh = replace(mesh, points=mesh.points * factor)
+    surface = boundary_surface(mesh)[0]
+    vtu.write(mesh, tmp_path / "x.vtu")
+    doors: list[Callable[[], Any]] = [
+        lambda: cortet.certify(tmp_path / "x.vtu", surface),
+        lambda: cortet.read(tmp_path / "x.vtu", surface),
+        lambda: cortet.improve(mesh, surface, progress=False),
+        lambda: cortet.repair(surface),
+        lambda: cortet.growth(surface, surface, (24, 28)),
+    ]
+    for door in doors:
+        with pytest.raises(InputError, match="mm long") as caught:
+            door()
+        assert f"in {unit}, " in caught.value.remedy
+
+
+def test_a_surface_in_other_units_than_its_mesh_is_refused_without_advice_on_cells(made, tmp_path):
+    made.save(tmp_path / "x.vtu")
+    small = replace(made.surface, points=made.surface.points * 0.1)
+    with pytest.raises(InputError, match="elsewhere"):
+        cortet.certify(tmp_path / "x.vtu", small)
+
+
+def test_a_mesh_of_a_mouse_is_certified_where_its_unit_is_stated():
+    mesh = ball_mesh(2, radius=4.0)
+    settings = {"gate": {"unit": "mm"}}
+    assert cortet.certify(mesh, boundary_surface(mesh)[0], settings=settings).checks
+
+
 def test_an_image_in_memory_is_a_volume_as_its_file_is(ball, tmp_path):
     labels = np.full((16, 16, 16), 3, np.int16)
     image = nib.Nifti1Image(labels, np.diag([2.0, 2, 2, 1]) + np.array([[0, 0, 0, -15.0]] * 3 + [[0] * 4]))

@@ -135,7 +135,7 @@ def test_quality_prints_a_table_and_the_record_on_request(tmp_path, capsys):
 
 
 def test_certify_checks_a_mesh_by_its_surface(tmp_path, capsys):
-    mesh = cube_mesh(3, side=6.0)
+    mesh = cube_mesh(3, side=20.0)
     surface, _ = boundary_surface(mesh)
     vtu.write(mesh, tmp_path / "cube.vtu")
     write_surface(TriSurface(surface.points + np.array([0, 0, 0.5]), surface.faces), tmp_path / "cube.surf.gii")
