@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cortet.api.files import NO_FILES, filling, known_size
-from cortet.api.given import Settings, SurfaceLike, sections, surface
+from cortet.api.given import Settings, SurfaceLike, cortex, sections
 from cortet.api.meshing import Mesh
 from cortet.config import load
 from cortet.formats.placement import placed
@@ -99,7 +99,7 @@ def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSur
     >>> len(closed.faces) == len(sound.faces)
     True
     """
-    given = surface(shape, finite=False)
+    given = cortex(shape, finite=False)
     config = load(settings if settings is not None else {"repair": {"enabled": True}})
     in_mm = placed(given, config.placement())
     source = str(shape) if isinstance(shape, str | Path) else None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.api.given import SurfaceLike, require_hemisphere, surface
+from cortet.api.given import SurfaceLike, cortex, require_hemisphere, surface
 from cortet.api.meshing import Mesh, image, say, tetrahedra
 from cortet.config import load
 from cortet.errors import InputError, UsageError
@@ -68,7 +68,7 @@ def growth(
 
     if len(ages) != 2 or not ages[0] < ages[1]:
         raise UsageError(f"{', '.join(map(str, ages))} are not an early and a later age", remedy="give two, rising")
-    first, last = surface(early), surface(later)
+    first, last = cortex(early), cortex(later)
     if spheres:
         last = through_spheres(last, surface(spheres[1]), surface(spheres[0]))
     for one, given in ((first, early), (last, later)):

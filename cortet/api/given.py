@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cortet.config import load, read
 from cortet.errors import InputError
-from cortet.formats.gifti import read_surface, surface_of
+from cortet.formats.gifti import read_surface, require_anatomical, surface_of
 from cortet.geometry.limits import NAME
 from cortet.meshes import TriSurface
 
@@ -72,6 +72,15 @@ def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
         f"an object of type {type(shape).__name__} is not a surface",
         remedy="give a file, a NiBabel image, a mesh of PyVista or trimesh, or vertices and faces",
     )
+
+
+def cortex(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
+    """As `surface`, of what is to be meshed: InputError for a file or image of an inflated surface or a sphere."""
+    if isinstance(shape, str | Path):
+        require_anatomical(shape)
+    elif hasattr(shape, "agg_data") and hasattr(shape, "darrays"):
+        return surface_of(shape, anatomical=True)
+    return surface(shape, finite=finite)
 
 
 def sections(settings: Settings | None, cell_size: float | None = None) -> dict[str, Any]:

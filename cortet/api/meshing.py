@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from cortet.api.given import (
     Settings,
     SurfaceLike,
+    cortex,
     require_hemisphere,
     require_region_names,
     sections,
@@ -411,7 +412,7 @@ def _whole(
     shape: SurfaceLike, fields: Mapping[str, Any], inner: Mapping[str, SurfaceLike], *, finite: bool
 ) -> TriSurface:
     """A surface with its fields and its inner surfaces, as given; `finite`: whether coordinates must be finite."""
-    outer = surface(shape, finite=finite)
+    outer = cortex(shape, finite=finite)
     if finite or not len(outer.faces):
         require_measurable(outer)
     field_files = _files(fields)
@@ -420,7 +421,7 @@ def _whole(
     for name, values in of_vertices.items():
         require_finite(values_of(values, f"the field {name}"), f"the field {name}")
     outer = with_fields(replace(outer, point_data=of_vertices), field_files)
-    return nested(outer, {name: surface(one, finite=finite) for name, one in inner.items()})
+    return nested(outer, {name: cortex(one, finite=finite) for name, one in inner.items()})
 
 
 def _file(given: Any) -> str | Path | None:
