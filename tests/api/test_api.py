@@ -108,6 +108,11 @@ REFUSED: list[tuple[Callable[[cortet.Mesh], Any], str]] = [
     (meshed(fields={"a": np.full(642, np.nan)}), "642 vertices, the first is vertex 0"),
     (meshed(fields={"a": np.ma.masked_equal(np.arange(642), 7)}), "the field a"),
     (lambda _: cortet.mesh(replace(BALL, point_data={"a": np.full(642, np.nan)}), 6.0), "642 vertices"),
+    # the value below a mask may be anything
+    (
+        lambda _: cortet.surface((np.ma.masked_equal(np.arange(9.0).reshape(3, 3), 4), [[0, 1, 2]])),
+        "1 values of points",
+    ),
     # nothing that can be done with a mesh
     *(
         (lambda made, size=size: made.plot(size), "pixels")
@@ -216,6 +221,18 @@ def test_a_mesh_has_its_arrays_its_certificate_and_its_fields(made):
     checks = made.checks()
     assert checks["passed"].all() and len(checks) == len(made.certificate.checks)
     assert f"{len(made.cells):,} tetrahedra\n worst q 0." in repr(made) and "certified" in repr(made)
+
+
+def test_a_masked_label_is_nan_on_the_surface_and_no_other_is_averaged(made):
+    """An integer array with a mask was "Cannot convert fill_value nan to dtype int64"."""
+    labels = np.where(made.points[:, 2] > 0, 7, 3)
+    far = made.points[:, 0] > 5
+    found = made.to_surface(np.ma.masked_array(labels, far))
+    whole = made.to_surface(labels)
+    assert np.isnan(found).any() and set(found[np.isfinite(found)]) == {3.0, 7.0}
+    assert np.array_equal(found[np.isfinite(found)], whole[np.isfinite(found)])
+    assert np.isnan(made.to_surface(np.ma.masked_array(made.points[:, 2] > 0, far))).any()
+    assert np.array_equal(made.to_surface(np.ma.masked_array(labels, False)), whole)
 
 
 def test_the_same_call_gives_the_same_bits(ball, made):

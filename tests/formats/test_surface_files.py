@@ -316,3 +316,17 @@ def test_inflated_surfaces_of_freesurfer_are_known_by_their_names(tmp_path, name
     freesurfer.write_geometry(tmp_path / name, BALL.points, BALL.faces)
     with pytest.raises(InputError, match="not that of a brain"):
         require_anatomical(tmp_path / name)
+
+
+def test_freesurfers_oldest_surfaces_are_named_as_such(tmp_path):
+    """Magic 16777215 begins surfaces of quadrangles and files of values alike: the former were called the latter."""
+    corners = np.array([[0, 1, 2, 3], [3, 2, 1, 0]])
+    head = b"\xff\xff\xff" + (4).to_bytes(3, "big") + (2).to_bytes(3, "big")
+    threes = b"".join(int(one).to_bytes(3, "big") for one in corners.ravel())
+    (tmp_path / "lh.white").write_bytes(head + np.zeros((4, 3), ">i2").tobytes() + threes)
+    for read in (read_surface, read_fields):
+        with pytest.raises(InputError, match="lh.white: is a FreeSurfer surface of quadrangles.*mris_convert"):
+            read(tmp_path / "lh.white")
+    freesurfer.write_morph_data(tmp_path / "lh.thickness", np.ones(4))
+    with pytest.raises(InputError, match="values without a surface"):
+        read_surface(tmp_path / "lh.thickness")
