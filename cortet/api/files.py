@@ -17,6 +17,7 @@ from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
 from cortet.formats.ownership import guarded
 from cortet.geometry.filling import require_body
+from cortet.geometry.kernel_cache import require_threads
 from cortet.geometry.nesting import nested
 from cortet.geometry.topology import edges
 from cortet.measure.certify import certify
@@ -163,6 +164,7 @@ def filling(
     ------
     InputError : mesh or surface is not in mm, or they lie in different locations
     """
+    require_threads()
     mesh = tetrahedra(made)
     named = Path(shape) if isinstance(shape, str | Path) else None
     if isinstance(made, str | Path) and (shape is None or named):

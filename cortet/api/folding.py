@@ -162,7 +162,9 @@ def fold(
     from cortet.folding.journal import TABLE, per_percent
     from cortet.folding.plausible import brain_of, refuse_space_around, require_same_brain
     from cortet.formats.tsv import read_tsv
+    from cortet.geometry.kernel_cache import require_threads
 
+    require_threads()
     require_hemisphere(hemi)
     if ga is not None:
         require_within(ga, FOLD_AGES, "the gestational age in weeks")

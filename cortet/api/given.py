@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cortet.config import load, read
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface, require_anatomical, surface_of
+from cortet.geometry.kernel_cache import require_threads
 from cortet.geometry.limits import NAME
 from cortet.meshes import TriSurface
 
@@ -107,6 +108,7 @@ def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
 
 def cortex(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
     """As `surface`, of what is to be meshed: InputError for a file or image of an inflated surface or a sphere."""
+    require_threads()
     if isinstance(shape, str | Path):
         require_anatomical(shape)
     elif hasattr(shape, "agg_data") and hasattr(shape, "darrays"):

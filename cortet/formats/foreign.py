@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cortet.formats import drawn_surfaces, freesurfer, stl
 from cortet.formats.freesurfer import Values
-from cortet.formats.untrusted import GZIP, by_library, content, safe_name
+from cortet.formats.untrusted import GZIP, by_library, content, safe_name, unreadable
 from cortet.formats.values import in_32_bits
 from cortet.meshes import TriSurface
 
@@ -80,8 +80,11 @@ def _beginning(path: Path) -> tuple[bytes, int]:
     """The first bytes of a file and its size, both unpacked from gzip; no bytes if it is not a regular file."""
     if not path.is_file():
         return b"", 0
-    with path.open("rb") as file:
-        head, size = file.read(_HEAD), path.stat().st_size
+    try:
+        with path.open("rb") as file:
+            head, size = file.read(_HEAD), path.stat().st_size
+    except OSError as error:
+        raise unreadable(path, error) from error
     if head.startswith(GZIP):
         data = content(path)
         return data[:_HEAD], len(data)

@@ -47,6 +47,8 @@ _INTENTS: Any = intent_codes.code
 _POINTS, _TRIANGLES, _NODES, _LABELS = (
     int(_INTENTS[f"NIFTI_INTENT_{name}"]) for name in ("POINTSET", "TRIANGLE", "NODE_INDEX", "LABEL")
 )
+#: the format has six at most
+_MOST_DIMENSIONS = 6
 #: code of NiBabel for text, and for arrays by column
 _ASCII, _BY_COLUMN = 1, 2
 #: value of the metadata that names the structure, as CDATA or as it stands; and of that which names the surface
@@ -64,6 +66,8 @@ class _Parser(GiftiImageParser):
     da: Any
 
     def StartElementHandler(self, name: str, attrs: dict[str, str]) -> None:  # noqa: N802
+        if name == "DataArray":
+            _require_shape(attrs)
         super().StartElementHandler(name, attrs)
         if name == "DataArray":
             self.da.systems = []
@@ -75,6 +79,14 @@ class _Parser(GiftiImageParser):
             self.da.systems[-1][self.write_to] += data
         else:
             super().CharacterDataHandler(data)
+
+
+def _require_shape(attributes: dict[str, str]) -> None:
+    """Raise ValueError for a shape that no array has: NiBabel counts to its dimension, and turns counts below 0."""
+    dimensions = int(attributes.get("Dimensionality", "0"))
+    counts = [int(count) for name, count in attributes.items() if name.startswith("Dim") and name[3:].isdigit()]
+    if not 0 <= dimensions <= _MOST_DIMENSIONS or min(counts, default=0) < 0:
+        raise ValueError(f"an array has {dimensions} dimensions of {counts} numbers")
 
 
 def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:

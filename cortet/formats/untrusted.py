@@ -60,7 +60,12 @@ def content(path: str | Path) -> bytes:
     except (EOFError, gzip.BadGzipFile, zlib.error) as error:
         raise DamagedFileError(f"cannot be decompressed: {error}", file=path) from error
     except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=path, remedy=_READABLE) from error
+        raise unreadable(path, error) from error
+
+
+def unreadable(path: str | Path, error: OSError) -> InputError:
+    """The error for a file that the system cannot read, which in the middle of a file does not name it."""
+    return InputError(f"cannot be read: {error.strerror}", file=path, remedy=_READABLE)
 
 
 @contextmanager
