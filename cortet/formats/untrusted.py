@@ -86,8 +86,13 @@ def by_library(what: str, path: str | Path, kind_of: Callable[[Path], str] = lam
 
 
 def safe_name(text: str) -> str:
-    """A name of a field or set, safe as part of a file name: without slashes, `..` and control characters."""
-    return re.sub(r"[\x00-\x1f\x7f/\\\u2028\u2029\ud800-\udfff]+|\.\.+", "_", text).strip()[:_LONGEST_NAME] or "unnamed"
+    """A name of a field or set, safe as part of a file name: without slashes, `..`, control and turning characters."""
+    return (
+        re.sub(r"[\x00-\x1f\x7f/\\\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]+|\.\.+", "_", text).strip()[
+            :_LONGEST_NAME
+        ]
+        or "unnamed"
+    )
 
 
 def safely_named(values: Mapping[str, _T] | Iterable[tuple[str, _T]]) -> dict[str, _T]:

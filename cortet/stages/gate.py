@@ -199,7 +199,7 @@ def require_size(
         and "mm" not in likely
         and STATED_EXTENT_MM[0] <= stored <= STATED_EXTENT_MM[1]
     ):
-        remedies.append(f"if a brain really is {stored:.4g} mm long, {option.format(unit='mm')}")
+        remedies.append(f"if this really is the size of the brain, {option.format(unit='mm')}")
     raise InputError(
         f"the surface is {long:.4g} mm long and encloses {volume:.4g} mL; cortet accepts {extents[0]:g} to "
         f"{extents[1]:g} mm and {volumes[0]:g} to {volumes[1]:g} mL",
