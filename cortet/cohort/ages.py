@@ -145,6 +145,7 @@ def ages_at_scan(
     read: dict[Path, _Table] = {}
     found: dict[Session, float] = {}
     remarks: dict[str, list[Session]] = {}
+    shared: dict[str, list[str]] = {}
     for session in sessions:
         for name, path in files[session]:
             if session in found or not path.exists():
@@ -153,9 +154,17 @@ def ages_at_scan(
             weeks, remark = table.age_of(session)
             if weeks is not None:
                 found[session] = weeks
+                if session[1] and "session_id" not in table.rows:
+                    shared.setdefault(session[0], []).append(session[1])
             if remark:
                 remarks.setdefault(remark, []).append(session)
     told = [f"{remark}: {_counted(own)}" for remark, own in remarks.items()]
+    told += [
+        f"sub-{participant}: the sessions {', '.join(labels)} share the one age of their participant (a sessions table "
+        "can give each its own)"
+        for participant, labels in shared.items()
+        if len(labels) > 1
+    ]
     for path, table in read.items():
         asking = [session for session in files if path in [file for _, file in files[session]]]
         # where all have their ages, rows of people without a surface are no news

@@ -151,7 +151,10 @@ def about_to_write(files: Mapping[Path, Path]) -> None:
         assert guard
         # all files of a temporary folder get their names together
         if not (is_temporary(path.parent) or guard.is_in_own_folder(path)):
-            with path.with_name(MANIFEST).open("a", **_TEXT) as listed:
+            if (manifest := path.with_name(MANIFEST)).is_symlink():
+                what = "is a link, and cortet would write its list of files to where that leads"
+                raise InputError(what, file=manifest, remedy="delete the link, or give another folder")
+            with manifest.open("a", **_TEXT) as listed:
                 listed.write(f"{sha256(temporary)}  {path.name}\n")
         guard.made.add(_absolute(path))
 

@@ -123,3 +123,14 @@ def test_rows_of_participants_without_a_surface_are_no_news(tmp_path):
     with (folder / "participants.tsv").open("a") as table:
         table.write("sub-z\t30\n")
     assert "match no surface" not in ages(folder)[1]
+
+
+def test_sessions_that_share_the_age_of_their_participant_are_named(tmp_path):
+    """Two scans weeks apart had the same age, without a word."""
+    folder = dataset(tmp_path, "scan_age", {"a": "28"})
+    (folder / "sub-a/anat/sub-a_hemi-L_white.surf.gii").unlink()
+    for session in ("1", "2"):
+        (folder / f"sub-a/ses-{session}/anat").mkdir(parents=True)
+        (folder / f"sub-a/ses-{session}/anat/sub-a_ses-{session}_hemi-L_white.surf.gii").touch()
+    found, said = ages(folder)
+    assert found == [28.0, 28.0] and "sub-a: the sessions 1, 2 share the one age of their participant" in said
