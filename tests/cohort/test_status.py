@@ -62,8 +62,15 @@ def test_a_report_on_another_input_is_refused():
 
 
 CERTIFICATE = {
-    **{"schema": 1, "certified": True, "checks": [{"id": "worst_q", "passed": True}], "reasons": [], "remarks": []},
-    **{"regions": [], "quality": {}, "parameters": {}, "reports": {}},
+    "schema": 1,
+    "certified": True,
+    "checks": [{"id": "worst_q", "passed": True}],
+    "reasons": [],
+    "remarks": [],
+    "regions": [],
+    "quality": {},
+    "parameters": {},
+    "reports": {},
 }
 
 
