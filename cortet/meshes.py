@@ -43,9 +43,17 @@ def require_indices(indices: NDArray[Any], count: int, what: str, of: str) -> No
         )
 
 
+def _plain(array: Any, name: str) -> NDArray[Any]:
+    """An array without a mask; InputError if a value is masked, since what is below a mask may be anything."""
+    if np.ma.is_masked(array):
+        count = int(np.ma.getmaskarray(array).sum())
+        raise InputError(f"{count} values of {name} are masked", remedy="leave these out, or fill them")
+    return np.asarray(array)
+
+
 def _rows(array: Any, columns: int, name: str) -> NDArray[Any]:
     """An array (n, columns), not yet converted: conversion would wrap or truncate values that do not fit."""
-    given = np.asarray(array)
+    given = _plain(array, name)
     if given.ndim != 2 or given.shape[1] != columns:
         raise InputError(
             f"{name} must have shape (n, {columns}), got {given.shape}", remedy=f"give {columns} numbers in each row"
@@ -82,7 +90,7 @@ def _fields(fields: Mapping[str, Any], count: int, of: str) -> dict[str, NDArray
     """Fields with one value, or row of values, per node or cell, read-only; InputError if one has another number."""
     result = {}
     for name, values in fields.items():
-        array = np.asarray(values)
+        array = _plain(values, f"the field {name}")
         if array.ndim == 0 or len(array) != count:
             what = f"field {name} has shape {array.shape}, which does not match the {count} {of}"
             raise InputError(what, remedy="give one value, or one row of values, for each")

@@ -16,6 +16,7 @@ source, repairs = job.arguments["source"], job.params.repair is not None
 if not job.input.surface:
     raise missing_surface(source, column=job.params.column)
 require_hemisphere(job.input.surface, job.params.hemi)
+gifti.require_anatomical(job.input.surface)
 surface = placed(gifti.read_surface(job.input.surface, finite=not repairs), job.params.to_mm)
 if repairs:
     surface, done = STAGES["repair"].run(surface, **job.params.repair, source=source)

@@ -18,6 +18,7 @@ if not job.input.sphere:
     raise missing_surface(job.arguments["sphere_file"], column="sphere")
 for file in (job.input.surface, job.input.sphere):
     require_hemisphere(file, job.params.hemi)
+gifti.require_anatomical(job.input.surface)
 surface = placed(gifti.read_surface(job.input.surface), job.params.to_mm)
 surface, report = STAGES["resample"].run(surface, gifti.read_surface(job.input.sphere), **job.arguments)
 gifti.write_surface(surface, job.output.surface)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cortet.api.files import NO_FILES, filling, known_size
-from cortet.api.given import Settings, SurfaceLike, sections, surface
+from cortet.api.given import Settings, SurfaceLike, cortex, sections
 from cortet.api.meshing import Mesh
 from cortet.config import load
 from cortet.formats.placement import placed
@@ -16,6 +16,7 @@ from cortet.measure.certify import Certificate
 from cortet.measure.certify import certify as checked
 from cortet.meshes import TetMesh, TriSurface
 from cortet.solver_files.sidecar import read_sidecar
+from cortet.stages.gate import require_size
 from cortet.stages.repair import repair as mended
 from cortet.stages.separate import separate
 
@@ -51,11 +52,11 @@ def certify(
     >>> found.certified, found.reasons
     (True, ())
     """
-    mesh, filled, source = filling(made, shape, inner)
+    config = load(sections(settings))
+    mesh, filled, source = filling(made, shape, config, inner)
     if filled.inner and cell_size is not None and source is not None and str(source) == str(shape):
         filled, _report = separate(filled, cell_size=cell_size)  # not as it was meshed: move surfaces apart as then
     size = known_size(made) if cell_size is None else cell_size
-    config = load(sections(settings))
     return checked(
         mesh,
         filled,
@@ -98,9 +99,11 @@ def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSur
     >>> len(closed.faces) == len(sound.faces)
     True
     """
-    given = surface(shape, finite=False)
+    given = cortex(shape, finite=False)
     config = load(settings if settings is not None else {"repair": {"enabled": True}})
     in_mm = placed(given, config.placement())
     source = str(shape) if isinstance(shape, str | Path) else None
     result, report = mended(in_mm, config.repair, source=source, allow_genus=config.gate.allow_genus)
+    to_mm = config.placement()
+    require_size(result, file=source, to_mm=to_mm or 1.0, stated=to_mm is not None)
     return result, asdict(report)

@@ -12,11 +12,12 @@ import numpy as np
 
 from cortet.api.given import Settings, SurfaceLike, sections, surface
 from cortet.api.meshing import Mesh, teller, tetrahedra
-from cortet.config import load
+from cortet.config import Config, load
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
 from cortet.formats.ownership import guarded
 from cortet.geometry.filling import require_body
+from cortet.geometry.kernel_cache import require_threads
 from cortet.geometry.nesting import nested
 from cortet.geometry.topology import edges
 from cortet.measure.certify import certify
@@ -26,13 +27,16 @@ from cortet.pipeline import Step
 from cortet.pipeline import improve as improved
 from cortet.solver_files import export
 from cortet.solver_files.meshed import Origin, cell_size_of, meshed_surface
-from cortet.solver_files.sets import with_regions
+from cortet.solver_files.sets import require_same_regions, with_regions
 from cortet.solver_files.sidecar import read_sidecar
+from cortet.stages.gate import require_size
 
 #: no inner surfaces
 NO_FILES: Mapping[str, str | Path] = MappingProxyType({})
 #: part of the length of a surface by which the box of its mesh may differ from its own
 _ELSEWHERE = 0.25
+#: ends of files in which sets and numbers of regions are arrays of their own; in others the sets follow from numbers
+_OF_ARRAYS = (".vtu", ".vtk")
 
 
 def read(path: str | Path, shape: SurfaceLike | None = None, cell_size: float | None = None) -> Mesh:
@@ -60,7 +64,7 @@ def read(path: str | Path, shape: SurfaceLike | None = None, cell_size: float | 
     (3, 4, True)
     """
     file = Path(path)
-    mesh, filled, source = filling(file, shape)
+    mesh, filled, source = filling(file, shape, Config())
     size = _size(cell_size, file, mesh)
     config = load({"generate": {"cell_size": size}})
     certificate = certify(mesh, filled, config.certify, cell_size=size, case=file.stem, source=source)
@@ -104,12 +108,12 @@ def improve(
     True
     """
     file = Path(made) if isinstance(made, str | Path) else None
-    mesh, filled, source = filling(made, shape)
+    asked = sections(settings)
+    mesh, filled, source = filling(made, shape, load(asked))
     cells = _oriented(mesh, file)
     require_body(mesh, file)
-    _require_one_place(mesh, filled, file)
     size = _size(cell_size, made, mesh)
-    config = load({"snap": {"enabled": True}, **sections(settings, size)})
+    config = load({"snap": {"enabled": True}, **sections(asked, size)})
     region = {REGION: mesh.cell_data[REGION]} if REGION in mesh.cell_data else {}
     bare = TetMesh(mesh.points, cells, {}, region)
     case = file.stem if file else ""
@@ -146,6 +150,7 @@ def convert(source: str | Path, target: str | Path, *, force: bool = False) -> l
 def filling(
     made: TetMesh | Mesh | str | Path,
     shape: SurfaceLike | None,
+    config: Config,
     inner: Mapping[str, str | Path] = NO_FILES,
 ) -> tuple[TetMesh, TriSurface, Path | None]:
     """A mesh with the numbers of its regions, the surface that it fills, and the file of that.
@@ -153,7 +158,13 @@ def filling(
     Parameters
     ----------
     shape, inner : as of `certify`
+    config : `gate.unit: mm` accepts a brain of any size
+
+    Raises
+    ------
+    InputError : mesh or surface is not in mm, or they lie in different locations
     """
+    require_threads()
     mesh = tetrahedra(made)
     named = Path(shape) if isinstance(shape, str | Path) else None
     if isinstance(made, str | Path) and (shape is None or named):
@@ -166,6 +177,13 @@ def filling(
         filled = surface(shape)
     if inner and not isinstance(made, str | Path):
         filled = nested(filled, {**filled.inner, **{name: read_surface(file) for name, file in inner.items()}})
+    file = Path(made) if isinstance(made, str | Path) else None
+    in_mm = config.gate.unit == "mm" or isinstance(made, Mesh) or (file is not None and bool(read_sidecar(file)))
+    for one, source in ((mesh, file), (filled, named)):
+        require_size(one, file=source, stated=in_mm, convert="give mesh and surface in mm")
+    _require_one_place(mesh, filled, file)
+    if file is None or file.suffix in _OF_ARRAYS:
+        require_same_regions(mesh, list(filled.inner), file)
     return with_regions(mesh, list(filled.inner)) if filled.inner else mesh, filled, named
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.api.given import SurfaceLike, require_hemisphere, surface
+from cortet.api.given import SurfaceLike, cortex, require_hemisphere, surface
 from cortet.api.meshing import Mesh, image, say, tetrahedra
 from cortet.config import load
 from cortet.errors import InputError, UsageError
@@ -64,12 +64,16 @@ def growth(
     """
     from cortet.folding.surface_growth import measured, through_spheres
     from cortet.solver_files.names import growth_field
+    from cortet.stages.gate import require_size
 
     if len(ages) != 2 or not ages[0] < ages[1]:
         raise UsageError(f"{', '.join(map(str, ages))} are not an early and a later age", remedy="give two, rising")
-    first, last = surface(early), surface(later)
+    first, last = cortex(early), cortex(later)
     if spheres:
         last = through_spheres(last, surface(spheres[1]), surface(spheres[0]))
+    for one, given in ((first, early), (last, later)):
+        file = given if isinstance(given, str | Path) else None
+        require_size(one, file=file, option="give both surfaces in mm")
     found = measured(first, last, smooth)
     return {growth_field(ages[1]): found.tensors}, found
 
@@ -158,7 +162,9 @@ def fold(
     from cortet.folding.journal import TABLE, per_percent
     from cortet.folding.plausible import brain_of, refuse_space_around, require_same_brain
     from cortet.formats.tsv import read_tsv
+    from cortet.geometry.kernel_cache import require_threads
 
+    require_threads()
     require_hemisphere(hemi)
     if ga is not None:
         require_within(ga, FOLD_AGES, "the gestational age in weeks")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cortet.config import load, read
 from cortet.errors import InputError
-from cortet.formats.gifti import read_surface, surface_of
+from cortet.formats.gifti import read_surface, require_anatomical, surface_of
+from cortet.geometry.kernel_cache import require_threads
 from cortet.geometry.limits import NAME
 from cortet.meshes import TriSurface
 
@@ -25,8 +26,10 @@ Settings = str | Path | Mapping[str, Any]
 
 def values_of(given: ArrayLike, what: str = "values") -> NDArray[Any]:
     """Numbers or labels, one or several for each place: (n,) or (n, k); masked numbers are NaN."""
+    if np.ma.is_masked(given) and np.ma.asarray(given).dtype.kind in "biuf":
+        given = np.ma.filled(np.ma.asarray(given).astype(np.float64), np.nan)
     try:
-        values = np.asarray(np.ma.filled(given, np.nan))
+        values = np.asarray(given)
         values = values.astype(np.float64) if values.dtype == object else values
     except (TypeError, ValueError) as error:  # rows of several lengths, no numbers, or masked labels
         what = f"{what}: not all values are numbers: {error}"
@@ -36,6 +39,35 @@ def values_of(given: ArrayLike, what: str = "values") -> NDArray[Any]:
             f"{what}: the type is {values.dtype} and the shape {values.shape}", remedy="give numbers, (n,) or (n, k)"
         )
     return values
+
+
+def depths_of(depths: Sequence[float]) -> list[float]:
+    """Depths of the cortex, (d,) from 0 to 1; InputError for another shape, or for what are no numbers."""
+    try:
+        given = np.asarray(depths, np.float64)
+    except (TypeError, ValueError):
+        given = np.zeros(())
+    if given.ndim != 1 or not ((given >= 0) & (given <= 1)).all():
+        raise InputError(
+            f"{depths!r} are not depths in the cortex", remedy="give a list of numbers from 0, pial, to 1, white"
+        )
+    found: list[float] = given.tolist()
+    return found
+
+
+def brought(given: ArrayLike, bring: Callable[[NDArray[Any]], NDArray[Any]]) -> NDArray[Any]:
+    """What becomes of numbers or labels of a mesh on a surface, or the reverse: NaN where masked ones have most weight.
+
+    Parameters
+    ----------
+    bring : takes values as `values_of` gives them; labels remain integers, since it averages other numbers
+    """
+    if not (np.ma.is_masked(given) and np.ma.asarray(given).dtype.kind in "iu"):
+        return bring(values_of(given))
+    labels: Any = np.ma.asarray(given)
+    hidden = int(labels.max() if labels.count() else 0) + 1
+    found = bring(values_of(labels.astype(np.int64).filled(hidden)))
+    return np.where(found == hidden, np.nan, found)
 
 
 def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
@@ -72,6 +104,16 @@ def surface(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
         f"an object of type {type(shape).__name__} is not a surface",
         remedy="give a file, a NiBabel image, a mesh of PyVista or trimesh, or vertices and faces",
     )
+
+
+def cortex(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
+    """As `surface`, of what is to be meshed: InputError for a file or image of an inflated surface or a sphere."""
+    require_threads()
+    if isinstance(shape, str | Path):
+        require_anatomical(shape)
+    elif hasattr(shape, "agg_data") and hasattr(shape, "darrays"):
+        return surface_of(shape, anatomical=True)
+    return surface(shape, finite=finite)
 
 
 def sections(settings: Settings | None, cell_size: float | None = None) -> dict[str, Any]:

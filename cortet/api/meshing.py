@@ -16,6 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from cortet.api.given import (
     Settings,
     SurfaceLike,
+    brought,
+    cortex,
+    depths_of,
     require_hemisphere,
     require_region_names,
     sections,
@@ -130,7 +133,8 @@ class Mesh:
             is taken; NaN for a vertex with no such point in the mesh
         region : inside which surface, by name; None: the outermost one that was given
         """
-        return self.surface_map(region).on_surface(values_of(values), depth)
+        found = self.surface_map(region)
+        return brought(values, lambda given: found.on_surface(given, depth))
 
     def laminar_profile(
         self, values: ArrayLike, depths: Sequence[float], *, equivolumetric: bool = True, region: str | None = None
@@ -155,8 +159,9 @@ class Mesh:
         --------
         >>> profile = head.laminar_profile(field, [0.1, 0.3, 0.5, 0.7, 0.9])
         """
-        laminar, given = self._laminar(region, equivolumetric), values_of(values)
-        return np.stack([laminar.weights(depth).of(given) for depth in depths], axis=1)
+        laminar = self._laminar(region, equivolumetric)
+        every = [laminar.weights(depth) for depth in depths_of(depths)]
+        return brought(values, lambda given: np.stack([one.of(given) for one in every], axis=1))
 
     def laminar_surfaces(
         self, depths: Sequence[float], *, equivolumetric: bool = True, region: str | None = "white"
@@ -171,7 +176,7 @@ class Mesh:
         region : inside the surface whose vertices are moved along the columns
         """
         found, laminar = self.surface_map(region), self._laminar(region, equivolumetric)
-        native, every = replace(found.native, point_data={}), map(laminar.points, depths)
+        native, every = replace(found.native, point_data={}), map(laminar.points, depths_of(depths))
         return [replace(native, points=np.where(np.isfinite(points), points, found.points)) for points in every]
 
     def _laminar(self, region: str | None, equivolumetric: bool) -> Laminar:
@@ -187,13 +192,17 @@ class Mesh:
         values : numbers; integers are labels, which are never averaged
         region : inside which surface, as in `to_surface`
         """
-        found, given = self.surface_map(region), values_of(values)
-        if len(given) != found.from_surface.shape[1]:
-            raise InputError(
-                f"{len(given):,} values for a surface of {found.from_surface.shape[1]:,} vertices",
-                remedy="give one for each vertex of the input surface",
-            )
-        return applied(found.from_surface, given)
+        matrix = self.surface_map(region).from_surface
+
+        def bring(given: NDArray[Any]) -> NDArray[Any]:
+            if len(given) != matrix.shape[1]:
+                raise InputError(
+                    f"{len(given):,} values for a surface of {matrix.shape[1]:,} vertices",
+                    remedy="give one for each vertex of the input surface",
+                )
+            return applied(matrix, given)
+
+        return brought(values, bring)
 
     def surface_map(self, region: str | None = None) -> SurfaceMap:
         """How the nodes and the vertices of a given surface belong together, as sparse matrices.
@@ -418,7 +427,7 @@ def _whole(
     shape: SurfaceLike, fields: Mapping[str, Any], inner: Mapping[str, SurfaceLike], *, finite: bool
 ) -> TriSurface:
     """A surface with its fields and its inner surfaces, as given; `finite`: whether coordinates must be finite."""
-    outer = surface(shape, finite=finite)
+    outer = cortex(shape, finite=finite)
     if finite or not len(outer.faces):
         require_measurable(outer)
     field_files = _files(fields)
@@ -427,7 +436,7 @@ def _whole(
     for name, values in of_vertices.items():
         require_finite(values_of(values, f"the field {name}"), f"the field {name}")
     outer = with_fields(replace(outer, point_data=of_vertices), field_files)
-    return nested(outer, {name: surface(one, finite=finite) for name, one in inner.items()})
+    return nested(outer, {name: cortex(one, finite=finite) for name, one in inner.items()})
 
 
 def _file(given: Any) -> str | Path | None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import inspect
+import io
 import logging
 import os
 import sys
@@ -63,6 +64,8 @@ def commands(of: App | None = None, words: str = "cortet") -> Iterator[tuple[str
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; 0: done and well, 1: refused, not certified or failed, 2: wrong usage, often by SystemExit."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")  # names of files may hold what the terminal cannot show
     try:
         command, bound = _parsed(sys.argv[1:] if arguments is None else list(arguments))
         given = _given(bound) if command.__module__.startswith("cortet.") else {}  # what is the library's: help

@@ -56,14 +56,15 @@ def gate(
     --------
     cortet gate *.surf.gii
     """
+    from cortet.api.given import cortex
     from cortet.config import load
-    from cortet.formats.gifti import hemisphere_of, read_surface
+    from cortet.formats.gifti import hemisphere_of
     from cortet.stages.gate import gate
 
     config, refused = load({"gate": {"allow_genus": allow_genus}}), 0
     for path in surfaces:
         try:
-            given, hemi = read_surface(path), hemisphere_of(path)
+            given, hemi = cortex(path), hemisphere_of(path)
             report = gate(given, config.gate, source=str(path), gestational_age=ga, hemi=hemi)[1]
         except CortetError as error:
             refused += 1
@@ -99,12 +100,13 @@ def repair(
     --------
     cortet repair broken.surf.gii -o mended.surf.gii
     """
-    from cortet.formats.gifti import read_surface, write_surface
+    from cortet.api.given import cortex
+    from cortet.formats.gifti import write_surface
     from cortet.solver_files.fields import with_fields
 
     record = output.with_name(f"{output.stem}.repair.json")
     may_write(record)
-    given = with_fields(read_surface(surface, finite=False), dict(field)) if field else surface
+    given = with_fields(cortex(surface, finite=False), dict(field)) if field else surface
     made, done = cortet.repair(given, config or {})
     with recorded(done, record) as place:
         write_surface(made, place(output))
@@ -199,8 +201,9 @@ def layers(
     --------
     cortet layers lh.white lh.pial --layers 4 -o lh.surf.gii
     """
+    from cortet.api.given import cortex
     from cortet.api.meshing import mesh
-    from cortet.formats.gifti import read_surface, write_surface
+    from cortet.formats.gifti import write_surface
     from cortet.geometry.closest_point import closest_points, tree_of
     from cortet.geometry.intersection import self_intersections
     from cortet.measure.layers import bounds_of
@@ -212,7 +215,7 @@ def layers(
     files = [output.with_name(f"{name}{number}.{suffixes}") for number in range(1, len(layers))]
     for file in (output, *files):
         may_write(file)
-    inside, outside = read_surface(white), read_surface(pial)
+    inside, outside = cortex(white), cortex(pial)
     if cell_size is None:
         across = closest_points(tree_of(outside), inside.points).distances
         cell_size = round(statistics.median(across.tolist()) / 2, 2)

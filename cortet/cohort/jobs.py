@@ -163,7 +163,7 @@ class Jobs:
         return self.config.enabled("resample") and self.case(job).sphere is not None
 
     def placement(self, job: Job) -> float | None:
-        """Factor from the coordinates of a case to mm; None if they are mm."""
+        """Factor from the coordinates of a case to mm; None if nobody states their unit, which is then mm."""
         case = self.case(job)
         return None if case.is_phantom else self.config.placement(case.unit)
 

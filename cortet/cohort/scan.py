@@ -131,10 +131,20 @@ def _none_found(directory: Path, patterns: Scan, pials: Sequence[Path]) -> Input
     first, *others = patterns.surfaces or ["nothing"]
     more = f", and {len(others)} more patterns" if others else ""
     remedy = f"check the folder, or set cohort.scan.surfaces; cortet looked for {first}{more}"
-    if pials:
+    if _is_subject(directory, patterns):
+        what = "is the folder of one subject"
+        remedy = f"give the folder that holds all subjects: {directory.absolute().parent}"
+    elif pials:
         what = f"no white surfaces found, only {len(pials)} pial surfaces, for example {pials[0]}"
         remedy = "add white surfaces; or name pial surfaces in cohort.scan.surfaces, to mesh in one region"
     return InputError(what, file=directory, remedy=remedy)
+
+
+def _is_subject(directory: Path, patterns: Scan) -> bool:
+    """Whether a folder is that of one subject: patterns fit its surfaces from the folder around it."""
+    within = directory.absolute()
+    found = (path for pattern in patterns.surfaces for path, _ in _matches(within.parent, pattern))
+    return any(path.is_relative_to(within) for path in found)
 
 
 def _say_which(cases: Sequence[Case], say: Callable[[str], object], *, pial: bool) -> None:

@@ -12,6 +12,11 @@ from cortet.formats.atomic import write_json
 from cortet.formats.ownership import json_of
 from cortet.formats.tables import Column
 
+#: parts of every certificate
+_PARTS = {
+    **dict.fromkeys(("reasons", "remarks", "regions"), list),
+    **dict.fromkeys(("quality", "parameters", "reports"), dict),
+}
 #: reason of a job that Ctrl-C stopped, which has not failed
 STOPPED = "stopped by you"
 #: columns of `cohort_status.tsv`
@@ -73,11 +78,15 @@ def failure_reason(log: Path) -> str:
 def certificate_of(path: str | Path) -> dict[str, Any]:
     """Content of a certificate; empty if it is missing, damaged, edited, or of a version without `schema`.
 
-    A verdict that does not follow from the checks beside it was edited.
+    A verdict that does not follow from the checks beside it was edited, and so was a part of another form.
     """
     content = json_of(Path(path))
-    follows = content.get("certified") is all(check.get("passed") for check in content.get("checks", ()))
-    return content if "schema" in content and follows else {}
+    checks = content.get("checks")
+    if "schema" not in content or not isinstance(checks, list) or not all(isinstance(one, dict) for one in checks):
+        return {}
+    follows = content.get("certified") is all(check.get("passed") for check in checks)
+    whole = all(isinstance(content.get(key), kind) for key, kind in _PARTS.items())
+    return content if follows and whole and {"worst_q"} <= {check.get("id") for check in checks} else {}
 
 
 def verdict_of(content: Mapping[str, Any]) -> str:

@@ -19,6 +19,8 @@ def missing_surface(source: object, *, column: str) -> InputError:
     """The error for a surface that is missing; `column` of the sheet names it."""
     if content_is_elsewhere(str(source)):
         return InputError(ELSEWHERE, file=source, remedy=f"datalad get {source}")
+    if Path(str(source)).exists():
+        return InputError("is not a file", file=source, remedy=f"correct the column {column} of the cohort sheet")
     return InputError("no such file", file=source, remedy=f"correct the column {column} of the cohort sheet")
 
 

@@ -83,11 +83,11 @@ class Config(Section):
         return {"solver": solver, "uncertified": export.uncertified, "unit": export.carp_unit}
 
     def placement(self, unit: str | None = None) -> float | None:
-        """Factor from stored coordinates to mm; None if they are mm.
+        """Factor from stored coordinates to mm; None if nobody states their unit, which is then mm.
 
         Parameters
         ----------
         unit : of one case; None: as `gate.unit` says
         """
         named = unit or self.gate.unit
-        return None if named == "mm" else UNITS[named]
+        return None if named is None else UNITS[named]

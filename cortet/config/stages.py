@@ -71,8 +71,10 @@ class Gate(Section):
 
     allow_genus: NonNegativeInt = 0
     """Largest accepted genus. 0, a topological sphere, is right for a hemisphere."""
-    unit: Literal[tuple(UNITS)] = "mm"  # type: ignore[valid-type]
-    """Unit of the coordinates of the input surfaces: mm, m, cm or um. A column `unit` of the sheet overrides it."""
+    unit: Literal[tuple(UNITS)] | None = None  # type: ignore[valid-type]
+    """Unit of the coordinates of the input surfaces: mm, m, cm or um. A column `unit` of the sheet overrides it. null:
+    mm, and the surface must be as large as the brain of a human or a monkey. A stated unit is believed: mm accepts the
+    brain of a mouse."""
 
 
 class SmoothSurface(Section):

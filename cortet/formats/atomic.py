@@ -83,11 +83,16 @@ def atomic_folder(path: str | Path, *, replaced: Iterable[Path] = ()) -> Iterato
 
 @contextmanager
 def _full_disk_named(path: Path) -> Iterator[None]:
-    """Raise InputError that names a file for which the disk has no space left, unless it lies in a temporary folder."""
+    """Raise InputError that names a file that could not be written, unless it lies in a temporary folder."""
     try:
         yield
     except OSError as error:
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT) or is_temporary(path.parent):
+        if is_temporary(path.parent):
+            raise
+        if error.errno == errno.EIO:  # which names no file
+            remedy = "check the disk, or give a folder on another one"
+            raise InputError(f"cannot be written: {error.strerror}", file=path, remedy=remedy) from error
+        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise
         free = shutil.disk_usage(path.parent).free // 1000
         remedy = "free some space, or give a folder on another disk"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cortet.formats import drawn_surfaces, freesurfer, stl
 from cortet.formats.freesurfer import Values
-from cortet.formats.untrusted import GZIP, by_library, content, safe_name
+from cortet.formats.untrusted import GZIP, by_library, content, safe_name, unreadable
 from cortet.formats.values import in_32_bits
 from cortet.meshes import TriSurface
 
@@ -46,8 +46,8 @@ def surface_reader(path: Path) -> Callable[..., TriSurface] | None:
 
 def values_of(path: Path) -> Values | None:
     """Per-vertex values or labels of a FreeSurfer file, or of plain numbers; None for any other file."""
-    head, _ = _beginning(path)
-    if head.startswith(freesurfer.VALUES):
+    head, size = _beginning(path)
+    if head.startswith(freesurfer.VALUES) and not freesurfer.is_rounded(head, size):
         return freesurfer.read_values(path)
     if _NUMBERS.match(head):
         return Values({safe_name(path.name.split(".")[0]): _plain(path)}, {})
@@ -56,10 +56,12 @@ def values_of(path: Path) -> Values | None:
 
 def name_of(path: Path) -> str:
     """Kind of a file that can be read neither as a surface nor as a field; empty if its first bytes are unknown."""
-    head, _ = _beginning(path)
+    head, size = _beginning(path)
     start = head.removeprefix(b'<?xml version="1.0"?>').lstrip()
     if surface_reader(path) is not None:
         return "a surface without values"
+    if freesurfer.is_rounded(head, size):
+        return "a FreeSurfer surface of quadrangles with rounded coordinates (convert it: mris_convert)"
     if head.startswith(freesurfer.VALUES) or path.name.endswith(freesurfer.ANNOTATION) or _NUMBERS.match(head):
         return "a file of values without a surface"
     return next((name for begin, name in _NAMES.items() if start.startswith(begin)), "")
@@ -78,8 +80,11 @@ def _beginning(path: Path) -> tuple[bytes, int]:
     """The first bytes of a file and its size, both unpacked from gzip; no bytes if it is not a regular file."""
     if not path.is_file():
         return b"", 0
-    with path.open("rb") as file:
-        head, size = file.read(_HEAD), path.stat().st_size
+    try:
+        with path.open("rb") as file:
+            head, size = file.read(_HEAD), path.stat().st_size
+    except OSError as error:
+        raise unreadable(path, error) from error
     if head.startswith(GZIP):
         data = content(path)
         return data[:_HEAD], len(data)

@@ -40,6 +40,12 @@ class Values(NamedTuple):
     names: dict[int, str]
 
 
+def is_rounded(head: bytes, size: int) -> bool:
+    """Whether a file is FreeSurfer's oldest form of a surface, of quadrangles: it begins as a file of values does."""
+    vertices, quads = (int.from_bytes(head[at : at + 3], "big") for at in (3, 6))
+    return head.startswith(VALUES) and size >= 9 + 6 * vertices + 12 * quads > 9 and vertices > 3
+
+
 def read_surface(path: Path, *, finite: bool = True) -> TriSurface:
     """Read a surface, of quadrangles two triangles each; if `finite` is false, its coordinates need not be finite."""
     check_file(path)

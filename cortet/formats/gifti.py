@@ -47,11 +47,17 @@ _INTENTS: Any = intent_codes.code
 _POINTS, _TRIANGLES, _NODES, _LABELS = (
     int(_INTENTS[f"NIFTI_INTENT_{name}"]) for name in ("POINTSET", "TRIANGLE", "NODE_INDEX", "LABEL")
 )
+#: the format has six at most
+_MOST_DIMENSIONS = 6
 #: code of NiBabel for text, and for arrays by column
 _ASCII, _BY_COLUMN = 1, 2
 #: value of the metadata that names the structure, as CDATA or as it stands; and of that which names the surface
 _STRUCTURE = rb"AnatomicalStructurePrimary.{0,99}?<Value>\s*(?:<!\[CDATA\[)?\s*(\w+)"
 _SECONDARY = _STRUCTURE.replace(b"Primary", b"Secondary")
+_SHAPE = _STRUCTURE.replace(b"AnatomicalStructurePrimary", b"GeometricType")
+#: shapes that no brain has, in the words of GIfTI; and what follows a dot in names of such surfaces of FreeSurfer
+_DEFORMED = ("inflated", "veryinflated", "spherical", "semispherical", "ellipsoid", "flat", "sphere", "qsphere")
+_INFLATED = re.compile(r"\.(inflated|q?sphere)(\.|$)")
 
 
 class _Parser(GiftiImageParser):
@@ -60,6 +66,8 @@ class _Parser(GiftiImageParser):
     da: Any
 
     def StartElementHandler(self, name: str, attrs: dict[str, str]) -> None:  # noqa: N802
+        if name == "DataArray":
+            _require_shape(attrs)
         super().StartElementHandler(name, attrs)
         if name == "DataArray":
             self.da.systems = []
@@ -71,6 +79,14 @@ class _Parser(GiftiImageParser):
             self.da.systems[-1][self.write_to] += data
         else:
             super().CharacterDataHandler(data)
+
+
+def _require_shape(attributes: dict[str, str]) -> None:
+    """Raise ValueError for a shape that no array has: NiBabel counts to its dimension, and turns counts below 0."""
+    dimensions = int(attributes.get("Dimensionality", "0"))
+    counts = [int(count) for name, count in attributes.items() if name.startswith("Dim") and name[3:].isdigit()]
+    if not 0 <= dimensions <= _MOST_DIMENSIONS or min(counts, default=0) < 0:
+        raise ValueError(f"an array has {dimensions} dimensions of {counts} numbers")
 
 
 def read_surface(path: str | Path, *, finite: bool = True) -> TriSurface:
@@ -116,6 +132,21 @@ def require_same_hemisphere(path: str | Path, hemisphere: str | None) -> None:
             file=path,
             remedy=f"name the file of hemisphere {hemisphere}",
         )
+
+
+def require_anatomical(path: str | Path) -> None:
+    """Raise InputError for a surface that is inflated, a sphere or flat, by its GeometricType or FreeSurfer's name."""
+    found = re.search(_SHAPE, content(path), re.DOTALL)
+    named = None if found else _INFLATED.search(Path(path).name)
+    _require_brain(found[1].decode() if found else named[1] if named else "", path)
+
+
+def _require_brain(shape: str, file: str | Path | None) -> None:
+    """Raise InputError for a GeometricType, or what it is in FreeSurfer's names, that is not the shape of a brain."""
+    if shape.lower() in _DEFORMED:
+        what = f"its shape is {shape}, which is not that of a brain"
+        remedy = "give the white, midthickness or pial surface; if this is one, set its GeometricType to Anatomical"
+        raise InputError(what, file=file, remedy=remedy)
 
 
 def kind_of(path: str | Path) -> Literal["white", "pial"] | None:
@@ -286,11 +317,13 @@ def _read(path: Path) -> Any:
     return parser.img
 
 
-def surface_of(image: Any) -> TriSurface:
-    """The surface of a NiBabel image (`nibabel.gifti.GiftiImage`), in its frame."""
+def surface_of(image: Any, *, anatomical: bool = False) -> TriSurface:
+    """The surface of a NiBabel image (`nibabel.gifti.GiftiImage`), in its frame; `anatomical`: no inflated one."""
     points, faces = (image.get_arrays_from_intent(f"NIFTI_INTENT_{name}") for name in ("POINTSET", "TRIANGLE"))
     if not (points and faces):
         raise InputError("the image holds no surface", remedy="give an image with a pointset and triangles")
+    if anatomical:
+        _require_brain(str({**image.meta, **points[0].meta}.get("GeometricType", "")), None)
     system, systems = points[0].coordsys, []
     if system is not None:
         dataspace, xformspace = (str(xform_codes.niistring[code]) for code in (system.dataspace, system.xformspace))

@@ -18,7 +18,9 @@ _EXTERNAL = re.compile(rb"""ExternalFileName\s*=\s*["']([^"']+)["']""")
 
 
 def sha256(path: str | Path) -> str:
-    """Hash of a file, as `sha256sum` prints it."""
+    """Hash of a file, as `sha256sum` prints it; InputError for a pipe or a device, which may never end."""
+    if Path(path).exists() and not Path(path).is_file():
+        raise InputError("is not a regular file", file=path, remedy="give the name of a file")
     try:
         with Path(path).open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()

@@ -96,6 +96,11 @@ def guarded(
         for folder in shared:
             _require_own_folder(folder, force=force)
         yield
+    except FileNotFoundError as error:
+        if error.filename is not None:
+            raise
+        remedy = "change to another folder, or give absolute paths"
+        raise InputError("the working folder of this process was deleted", remedy=remedy) from error
     finally:
         _guard.reset(token)
 
@@ -146,7 +151,10 @@ def about_to_write(files: Mapping[Path, Path]) -> None:
         assert guard
         # all files of a temporary folder get their names together
         if not (is_temporary(path.parent) or guard.is_in_own_folder(path)):
-            with path.with_name(MANIFEST).open("a", **_TEXT) as listed:
+            if (manifest := path.with_name(MANIFEST)).is_symlink():
+                what = "is a link, and cortet would write its list of files to where that leads"
+                raise InputError(what, file=manifest, remedy="delete the link, or give another folder")
+            with manifest.open("a", **_TEXT) as listed:
                 listed.write(f"{sha256(temporary)}  {path.name}\n")
         guard.made.add(_absolute(path))
 
@@ -203,8 +211,18 @@ def record_of(paths: Iterable[Path]) -> dict[str, Any]:
 def files_of(record: Path) -> dict[str, str]:
     """Name -> SHA-256 of the files that a record lists; empty if the file is not a record of cortet."""
     data = json_of(record)
-    files = data.get("files") if data.items() >= _SIGNATURE.items() else None
-    return files if isinstance(files, dict) else {}
+    files = data.get("files") if is_record(data) else None
+    return files if isinstance(files, dict) and all(map(_is_plain, files)) else {}
+
+
+def is_record(data: Mapping[str, Any]) -> bool:
+    """Whether the content of a JSON file is a record that cortet wrote."""
+    return data.get("made_by") == _SIGNATURE["made_by"]
+
+
+def _is_plain(name: str) -> bool:
+    """Whether a name is that of a file, without a folder."""
+    return bool(name) and "\0" not in name and Path(name).name == name
 
 
 def changed_of(record: Path) -> list[Path]:
@@ -226,10 +244,10 @@ def delete_made(record: Path) -> None:
 
 
 def json_of(file: Path) -> dict[str, Any]:
-    """Content of a JSON file; empty if it is not a JSON file."""
+    """Content of a JSON file; empty if it is not a JSON file, or not a file."""
     try:
-        data = json.loads(file.read_text("utf-8"))
-    except (OSError, ValueError):
+        data = json.loads(file.read_text("utf-8")) if file.is_file() else {}
+    except (OSError, ValueError, RecursionError):
         return {}
     return data if isinstance(data, dict) else {}
 

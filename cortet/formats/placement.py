@@ -15,9 +15,9 @@ def placed(surface: TriSurface, to_mm: float | None) -> TriSurface:
 
     Parameters
     ----------
-    to_mm : of `UNITS`; None if the surface is in mm
+    to_mm : of `UNITS`; None as 1: the surface is in mm
     """
-    if to_mm is None:
+    if to_mm in (None, 1):
         return surface
     return replace(
         surface,

@@ -60,7 +60,12 @@ def content(path: str | Path) -> bytes:
     except (EOFError, gzip.BadGzipFile, zlib.error) as error:
         raise DamagedFileError(f"cannot be decompressed: {error}", file=path) from error
     except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=path, remedy=_READABLE) from error
+        raise unreadable(path, error) from error
+
+
+def unreadable(path: str | Path, error: OSError) -> InputError:
+    """The error for a file that the system cannot read, which in the middle of a file does not name it."""
+    return InputError(f"cannot be read: {error.strerror}", file=path, remedy=_READABLE)
 
 
 @contextmanager
@@ -81,8 +86,13 @@ def by_library(what: str, path: str | Path, kind_of: Callable[[Path], str] = lam
 
 
 def safe_name(text: str) -> str:
-    """A name of a field or set, safe as part of a file name: without slashes, `..` and control characters."""
-    return re.sub(r"[\x00-\x1f\x7f/\\\u2028\u2029\ud800-\udfff]+|\.\.+", "_", text).strip()[:_LONGEST_NAME] or "unnamed"
+    """A name of a field or set, safe as part of a file name: without slashes, `..`, control and turning characters."""
+    return (
+        re.sub(r"[\x00-\x1f\x7f/\\\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]+|\.\.+", "_", text).strip()[
+            :_LONGEST_NAME
+        ]
+        or "unnamed"
+    )
 
 
 def safely_named(values: Mapping[str, _T] | Iterable[tuple[str, _T]]) -> dict[str, _T]:

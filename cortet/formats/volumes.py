@@ -21,7 +21,7 @@ from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.tables import Column
 from cortet.formats.tsv import read_tsv
-from cortet.formats.untrusted import by_library, check_file
+from cortet.formats.untrusted import by_library, check_file, content
 from cortet.meshes import CoordinateFrame, FloatArray
 
 if TYPE_CHECKING:
@@ -44,6 +44,8 @@ _MOST_LABELS = 2000
 _NARROWEST, _WIDEST = 0.01, 20.0
 #: a matrix is singular if its determinant, over the product of its columns' lengths, is at most this
 _SINGULAR = 1e-6
+#: header of an MGH file up to the flag that says whether its geometry is valid, bytes
+_TO_FLAG, _FLAG = 28, 2
 #: numbers of a tensor, and where xx, yy, zz, xy, yz, xz stand in each order
 _TENSOR = 6
 _ORDERS = {"tensors": [0, 3, 5, 1, 4, 2], "mrtrix": [0, 1, 2, 3, 5, 4], "symmetric": [0, 2, 5, 1, 4, 3]}
@@ -202,10 +204,15 @@ def _content(image: SpatialImage, path: str | Path) -> tuple[NDArray[Any], Float
 
 def _require_geometry(image: Any, path: str | Path) -> None:
     """Raise InputError for a header that does not say where the voxels are; NiBabel then assumes something."""
-    header = image.header
+    header, why = image.header, ""
     if "sform_code" in header and int(header["sform_code"]) <= 0 and int(header["qform_code"]) <= 0:
+        why = "its sform and qform codes are 0"
+    elif "goodRASFlag" in header and Path(path).is_file():
+        flag = content(path)[_TO_FLAG : _TO_FLAG + _FLAG]  # NiBabel sets the flag of what it read
+        why = "" if any(flag) else "its header marks its geometry as invalid"
+    if why:
         raise InputError(
-            "does not state the location of its voxels: its sform and qform codes are 0",
+            f"does not state the location of its voxels: {why}",
             file=path,
             remedy="copy the header of the image that it was made from, for example with fslcpgeom or mri_convert",
         )

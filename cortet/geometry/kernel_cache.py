@@ -22,10 +22,15 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numba
 from numba.core import caching
+
+from cortet.errors import CortetError
 
 logger = logging.getLogger(__name__)
 
+#: processes that were forked after threads of GNU OpenMP ran, which ends them at the first kernel, without a word
+_FORKED: set[int] = set()
 _PACKAGE = Path(__file__).parents[1]
 
 
@@ -52,6 +57,24 @@ class KernelCacheLocator(caching._SourceFileBackedLocatorMixin, caching._CacheLo
     def get_source_stamp(self) -> str:
         """The stamp that Numba compares before it uses compiled code."""
         return self._key
+
+
+def require_threads() -> None:
+    """Raise CortetError in a process that was forked after kernels ran in threads: OpenMP cannot run there."""
+    if os.getpid() in _FORKED:
+        raise CortetError(
+            "this process was forked after cortet had run, and the threads of its kernels cannot run here",
+            remedy='start processes with multiprocessing.get_context("spawn"), or use threads',
+        )
+
+
+def _note_fork() -> None:
+    with contextlib.suppress(ValueError):  # no kernel has run in threads yet
+        if numba.threading_layer() == "omp":  # type: ignore[attr-defined]
+            _FORKED.add(os.getpid())
+
+
+os.register_at_fork(after_in_child=_note_fork)
 
 
 def cache_folder() -> Path:

@@ -9,9 +9,6 @@ References: Labelle and Shewchuk, Isosurface stuffing, SIGGRAPH 2007 (the lattic
 
 from __future__ import annotations
 
-from contextlib import chdir
-from tempfile import TemporaryDirectory
-
 import numba
 import numpy as np
 import tetgen
@@ -178,9 +175,8 @@ def tetrahedralised(boundary: TriSurface, nodes: FloatArray) -> tuple[FloatArray
     points (k, 3) float64, the boundary's vertices first; cells (m, 4) int32, of either orientation
     """
     filled = tetgen.TetGen(np.concatenate([boundary.points, nodes]), boundary.faces.copy())
-    # if TetGen fails, it leaves files in the working directory
-    with TemporaryDirectory(prefix="cortet-tetgen-") as folder, chdir(folder):
-        points, cells, *_ = filled.tetrahedralize(plc=True, quality=False, nobisect=True, quiet=True)
+    # unless it is to write no faces, TetGen leaves files in the working folder if triangles cross
+    points, cells, *_ = filled.tetrahedralize(plc=True, quality=False, nobisect=True, quiet=True, nofacewritten=True)
     return points, cells
 
 

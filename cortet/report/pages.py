@@ -30,9 +30,15 @@ from cortet.version import __version__
 #: version of the pages of cases and of the cohort, and of their templates
 VERSION: int = 13
 
+#: characters that turn the direction of a text, so that a name may read as another one
+_TURNING = dict.fromkeys(
+    (0x200E, 0x200F, 0x061C, *range(0x202A, 0x202F), *range(0x2066, 0x206A)), "\N{REPLACEMENT CHARACTER}"
+)
+
 _TEMPLATES = jinja2.Environment(
     loader=jinja2.PackageLoader("cortet.report", "templates"),
     autoescape=True,
+    finalize=lambda value: value.translate(_TURNING) if isinstance(value, str) else value,
     undefined=jinja2.StrictUndefined,
     trim_blocks=True,
     lstrip_blocks=True,

@@ -245,12 +245,9 @@ def _in_mm(source: Path, record: Mapping[str, Any], unit: str | None) -> TetMesh
     if wrong := int((volumes <= 0).sum()):
         what = f"{wrong} of its {len(volumes)} tetrahedra are inverted or have no volume"
         raise InputError(what, file=source, remedy="`cortet improve` turns inverted tetrahedra; it needs the surface")
-    if unit is None and not record:
-        try:
-            require_size(np.ptp(mesh.points, axis=0), float(volumes.sum()) / 1000, option="--source-unit")
-        except InputError as error:
-            remedy = f"{error.remedy}; --source-unit mm accepts any size"
-            raise InputError(error.what, file=source, remedy=remedy) from None
+    if not record:
+        option = "add --source-unit {unit}"
+        require_size(mesh, file=source, to_mm=UNITS[stored], stated=unit is not None, option=option)
     return mesh
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from cortet.errors import InputError
+from cortet.errors import DamagedFileError, InputError
 from cortet.formats.gifti import hemisphere_of, kind_of, read_surface, write_surface
 from cortet.formats.hashing import input_sha256
 from cortet.formats.ownership import json_of
@@ -71,12 +71,22 @@ def cell_size_of(mesh: Path) -> float | None:
     """Cell size, mm, that the certificate beside a mesh records, of a command or of the workflow; None without one."""
     stages = parameters_of(mesh)
     size: float | None = stages.get("generate", stages.get("certify", {})).get("cell_size")
+    if size is not None and (isinstance(size, bool) or not isinstance(size, int | float)):
+        raise DamagedFileError(f"its certificate has the cell size {size!r}", file=mesh)
     return size
 
 
 def parameters_of(mesh: Path) -> dict[str, Any]:
-    """Stage -> its parameters, by `certificate_beside`."""
-    found: dict[str, Any] = certificate_beside(mesh).get("parameters") or {}
+    """Stage -> its parameters, by `certificate_beside`.
+
+    Raises
+    ------
+    DamagedFileError : the certificate holds parameters of another form
+    """
+    found = certificate_beside(mesh).get("parameters") or {}
+    if not isinstance(found, dict) or not all(isinstance(stage, dict) for stage in found.values()):
+        what = "cannot be read as a certificate: its parameters have another form"
+        raise DamagedFileError(what, file=certificate_path(mesh))
     return found
 
 
@@ -173,7 +183,7 @@ def moved(record: Mapping[str, Any] | None, source: Path, target: Path) -> dict[
     surfaces = {
         kind: {
             region: {**one, "file": Path(os.path.relpath(source / one["file"], target)).as_posix()}
-            for region, one in record[kind].items()
+            for region, one in record.get(kind, {}).items()
         }
         for kind in ("given", "meshed")
     }
@@ -206,10 +216,10 @@ def meshed_surface(mesh: Path, given: Path | None, inner: Mapping[str, Path]) ->
     """
     record = read_sidecar(mesh).get("made_from")
     named = ({region_names(inner)[0]: given} if given else {}) | dict(inner)
-    if record and not record["meshed"]:
+    if record and not record.get("meshed"):
         record = None
     if record and all(
-        input_sha256(file) == record["given"].get(region, {}).get("sha256") for region, file in named.items()
+        input_sha256(file) == record.get("given", {}).get(region, {}).get("sha256") for region, file in named.items()
     ):
         files = {region: recorded_file(mesh, one) for region, one in record["meshed"].items()}
         given = files.pop(next(iter(files)))

@@ -13,6 +13,8 @@ import re
 import unicodedata
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -177,9 +179,7 @@ def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
     if REGION in mesh.cell_data and not mesh.sets.cells:
         return mesh
     region, sets = np.zeros(len(mesh.cells), np.int32), mesh.sets.cells
-    names = [*map(set_name, region_names(inner))]
-    if len(names) == 2 and names[0] == CORTEX and names[1] not in sets:
-        names[1] = CORE  # a single inner region is the core, whatever its surface is called now
+    names = _sets_of_regions(inner, sets)
     for number, name in enumerate(names, start=1):
         region[sets.get(name, [])] = number
     missing = [name for name in names if name not in sets]
@@ -194,6 +194,59 @@ def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
             remedy="give a mesh that was made with these inner surfaces",
         )
     return replace(mesh, cell_data={**mesh.cell_data, REGION: region})
+
+
+def _sets_of_regions(inner: Sequence[str], sets: Collection[str]) -> list[str]:
+    """The names of the sets of the regions, in the order of their numbers."""
+    names = [*map(set_name, region_names(inner))]
+    if len(names) == 2 and names[0] == CORTEX and names[1] not in sets:
+        names[1] = CORE  # a single inner region is the core, whatever its surface is called now
+    return names
+
+
+def require_same_regions(mesh: TetMesh, inner: Sequence[str], file: Path | None = None) -> None:
+    """Raise InputError if a tetrahedron is in several sets of regions, or its number `region` is not that of its set.
+
+    Numbers that are labels have a set each besides those of the regions, and are not compared (`tagged`).
+
+    Parameters
+    ----------
+    inner : names of the regions from 2 on; empty: the regions are cortex and core
+    file : of the mesh, for messages
+    """
+    sets = mesh.sets.cells
+    names = _sets_of_regions(inner, sets) if inner else [name for name in (CORTEX, CORE) if name in sets]
+    if not names or not sets.keys() >= {*names}:
+        return  # there is nothing to compare, or `with_regions` says which set is missing
+    numbered = {name: number for number, name in enumerate(names, start=1)}
+    region, several = np.zeros(len(mesh.cells), np.int32), np.zeros(len(mesh.cells), np.int32)
+    for name, number in numbered.items():
+        region[sets[name]] = number
+        several[sets[name]] += 1
+    if len(twice := np.flatnonzero(several > 1)):
+        what = (
+            f"{len(twice)} tetrahedra are in several of the sets {', '.join(numbered)}, the first is number {twice[0]}"
+        )
+        raise InputError(what, file=file, remedy="take each out of all sets but one")
+    given = mesh.cell_data.get(REGION)
+    if given is None or given.shape != region.shape or _are_labels(given, sets, numbered):
+        return
+    if len(wrong := np.flatnonzero(given != region)):
+        first = wrong[0]
+        own = names[region[first] - 1] if region[first] else "none of them"
+        raise InputError(
+            f"the array {REGION} and the sets {', '.join(numbered)} disagree on {len(wrong)} tetrahedra, the first is "
+            f"number {first}: its {REGION} is {given[first]}, its set is {own}",
+            file=file,
+            remedy=f"number the sets {', '.join(f'{name} {number}' for name, number in numbered.items())}, or delete "
+            "the array or the sets, whichever is wrong",
+        )
+
+
+def _are_labels(given: NDArray[Any], sets: Mapping[str, IntArray], regions: Collection[str]) -> bool:
+    """Whether each number has a set of exactly its tetrahedra besides the sets of regions."""
+    others = {cells.tobytes() for name, cells in sets.items() if name not in (*regions, CORTEX, CORE)}
+    return all(np.flatnonzero(given == number).astype(np.int32).tobytes() in others for number in np.unique(given))
 
 
 def _outer_faces(mesh: TetMesh, brain: Sequence[int]) -> IntArray:

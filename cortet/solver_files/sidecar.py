@@ -10,13 +10,15 @@ import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from cortet.errors import InputError
 from cortet.formats.hashing import sha256
-from cortet.formats.ownership import files_of, record_of
+from cortet.formats.ownership import files_of, is_record, record_of
+from cortet.formats.placement import UNITS as LENGTHS
 from cortet.formats.surface_sets import with_surface
 from cortet.formats.tags import face_tags, regions
 from cortet.formats.untrusted import by_library, content
@@ -29,6 +31,53 @@ from cortet.stages.transfer import THICKNESS
 
 #: message for a file that differs from what its sidecar records
 CHANGED = "changed after cortet wrote it, so its certificate does not apply (one of its files differs or is missing)"
+
+
+class _Part(BaseModel):
+    """A part of a sidecar, of which the readers ask for these keys; others are anything."""
+
+    model_config = ConfigDict(strict=True, allow_inf_nan=False)
+
+
+class _Surface(_Part):
+    file: str = Field(min_length=1, pattern=r"^[^\x00]*$")
+    sha256: str
+
+
+class _MadeFrom(_Part):
+    given: dict[str, _Surface] = {}
+    meshed: dict[str, _Surface] = {}
+    hemisphere: Literal["L", "R"] | None = None
+    gestational_age: float | None = None
+    surface: str | None = None
+    layers: list[float] | None = None
+
+
+class _FieldSource(_Part):
+    source: str
+    source_sha256: str
+    units: str
+    kind: str
+
+
+class _Units(_Part):
+    coordinates: Literal[tuple(LENGTHS)]  # type: ignore[valid-type]
+
+
+class _System(_Part):
+    model_config = ConfigDict(extra="forbid")
+
+    dataspace: str
+    xformspace: str
+    matrix: list[float] = Field(min_length=16, max_length=16)
+
+
+class _Sidecar(_Part):
+    files: dict[str, str]
+    units: _Units | None = None
+    coordinate_system: _System | None = None
+    made_from: _MadeFrom | None = None
+    fields: dict[str, _FieldSource] = {}
 
 
 def sidecar_path(path: Path) -> Path:
@@ -92,13 +141,25 @@ def sidecar(
 
 
 def read_sidecar(path: Path) -> dict[str, Any]:
-    """Content of the sidecar of a mesh file; empty if there is none, or a JSON file of another program."""
+    """Content of the sidecar of a mesh file; empty if there is none, or a JSON file of another program.
+
+    Raises InputError for one that was damaged or edited to another form than `sidecar` gives it.
+    """
     file = sidecar_path(path)
     if not file.exists():
         return {}
-    with by_library("JSON", file):
+    with by_library("a sidecar", file):
         record: dict[str, Any] = json.loads(content(file))
-    return record if files_of(file) else {}
+        if not isinstance(record, dict) or not is_record(record):
+            return {}
+        try:
+            _Sidecar.model_validate(record)
+        except ValidationError as error:
+            first = error.errors()[0]
+            raise ValueError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}") from None
+        if not files_of(file):
+            raise ValueError("files: there are none, or one has no plain name")
+    return record
 
 
 def changed_since(path: Path) -> bool:
@@ -106,7 +167,7 @@ def changed_since(path: Path) -> bool:
 
     A file that was renamed, with its sidecar, is known by its content.
     """
-    recorded = files_of(sidecar_path(path))
+    recorded = read_sidecar(path).get("files", {})
     if path.name not in recorded:
         return bool(recorded) and sha256(path) not in recorded.values()
     beside = {path.with_name(name): digest for name, digest in recorded.items()}

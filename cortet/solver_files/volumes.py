@@ -36,6 +36,8 @@ FIBRE = "fibre"
 _TAKEN = (REGION, FIBRE, "q")
 #: labels are misplaced if they cover less than this share of what they could cover of the inside
 _LEAST_COVERED = 0.5
+#: signs of x, y and z in LPS, compared with RAS
+_LPS = np.array([-1, -1, 1])
 _REMEDY = (
     "give a volume of this brain in the space of the surface; "
     "the volume or the surface may be shifted, flipped, or in LPS"
@@ -96,7 +98,7 @@ def backgrounds(volumes: Mapping[str, Volume], surface: TriSurface) -> list[Back
         return []
     brain = _brain(surface)
     for volume in volumes.values():
-        _require_cover(volume, brain.points)
+        _require_cover(volume, brain)
     return [_background(name, volume, brain) for name, volume in volumes.items()]
 
 
@@ -185,13 +187,35 @@ def _tissues(
         }
 
 
-def _require_cover(volume: Volume, points: FloatArray) -> None:
-    """Raise InputError if a surface extends beyond a volume by more than the width of a voxel."""
+def _outside(volume: Volume, points: FloatArray) -> FloatArray:
+    """How far points (n, 3) are outside a volume, mm: (n,); 0 within it."""
     shape = np.array(volume.values.shape[:3])
     widths = np.linalg.norm(volume.affine[:3, :3], axis=0)
     where = in_voxels(volume.affine, points)
-    out = (np.maximum(np.maximum(-0.5 - where, where - shape + 0.5), 0) * widths).max(axis=1)
-    if out.max() <= widths.max():
+    return np.asarray((np.maximum(np.maximum(-0.5 - where, where - shape + 0.5), 0) * widths).max(axis=1))
+
+
+def _covers(volume: Volume, brain: TriSurface) -> tuple[float, float]:
+    """The share of a brain where a volume holds a value, and the largest share that it could cover."""
+    values = volume.values if volume.kind == "tensors" else volume.values[..., None]
+    held = np.isfinite(values).all(axis=3) & values.any(axis=3)
+    return coverage(brain, held, volume.affine)
+
+
+def _remedy(volume: Volume, brain: TriSurface) -> str:
+    """What to do about a surface and a volume in different locations; LPS first, if that would align them."""
+    turned = replace(brain, points=brain.points * _LPS)
+    if _outside(volume, turned.points).max() <= volume.voxel:
+        covered, possible = _covers(volume, turned)
+        if covered > _LEAST_COVERED * possible:
+            return f"the surface is in LPS, it seems: negate its x and y; or {_REMEDY}"
+    return _REMEDY
+
+
+def _require_cover(volume: Volume, brain: TriSurface) -> None:
+    """Raise InputError if a surface extends beyond a volume by more than the width of a voxel."""
+    shape, out = np.array(volume.values.shape[:3]), _outside(volume, brain.points)
+    if out.max() <= np.linalg.norm(volume.affine[:3, :3], axis=0).max():
         return
     corners = np.array(np.meshgrid(*([-0.5, n - 0.5] for n in shape))).reshape(3, -1).T
     corners = corners @ volume.affine[:3, :3].T + volume.affine[:3, 3]
@@ -199,17 +223,15 @@ def _require_cover(volume: Volume, points: FloatArray) -> None:
         f"{(out > 0).mean():.1%} of the surface's vertices lie outside the volume, by up to {out.max():.1f} mm; the "
         f"volume reaches from {place_mm(corners.min(axis=0))} to {place_mm(corners.max(axis=0))}"
     )
-    raise InputError(what, file=volume.file, remedy=_REMEDY)
+    raise InputError(what, file=volume.file, remedy=_remedy(volume, brain))
 
 
 def _background(name: str, volume: Volume, brain: TriSurface) -> Background:
     """How much of a brain has no label, or no number other than 0; InputError if most labels lie beside it."""
-    values = volume.values if volume.kind == "tensors" else volume.values[..., None]
-    held = np.isfinite(values).all(axis=3) & values.any(axis=3)
-    covered, possible = coverage(brain, held, volume.affine)
+    covered, possible = _covers(volume, brain)
     if volume.kind == "labels" and covered <= _LEAST_COVERED * possible:
         what = f"its labels cover {covered:.0%} of the brain; correctly aligned, they could cover {possible:.0%}"
-        raise InputError(what, file=volume.file, remedy=_REMEDY)
+        raise InputError(what, file=volume.file, remedy=_remedy(volume, brain))
     fraction = max(0.0, 1 - covered)
     what = f"{name}: {fraction:.1%} of the brain lies where {volume.file or 'the volume'} is 0 or holds no "
     background = Background(name, fraction, what + ("label" if volume.kind == "labels" else "number"))

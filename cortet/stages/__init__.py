@@ -243,6 +243,8 @@ def _decided_elsewhere(config: Config, stage: str, facts: Mapping[str, Any]) -> 
         return {"template": config.resample.template_of(facts["hemisphere"])}
     if stage == "repair":
         return {"allow_genus": config.gate.allow_genus}
+    if stage == "gate" and facts.get("placement"):
+        return {"to_mm": facts["placement"]}
     if stage == "generate":
         # one package for all meshes of a cohort; cells across the cortex only where there is an inner surface
         backend = {"backend": installed_backend()} if config.generate.backend == "auto" else {}
@@ -252,12 +254,7 @@ def _decided_elsewhere(config: Config, stage: str, facts: Mapping[str, Any]) -> 
 
 def record_of(config: Config, stage: str, facts: Mapping[str, Any]) -> dict[str, Any]:
     """The arguments of a stage and the version of its code, as certificates record them."""
-    placement = facts.get("placement") if stage == "gate" else None
-    return {
-        **arguments_of(config, stage, facts),
-        **({"to_mm": placement} if placement else {}),
-        "version": version_of(f"stages.{stage}"),
-    }
+    return {**arguments_of(config, stage, facts), "version": version_of(f"stages.{stage}")}
 
 
 def certify_record(config: Config, cell_size: float) -> dict[str, Any]:

@@ -35,6 +35,8 @@ _SPIKE = 5.0
 _STEEP = 0.5
 #: and if its faces are less than this share of the area: a cone is a shape, and its tip no flaw
 _SMALL = 0.1
+#: triangles of which the largest piece has less than this share of the area are no surface with a few loose parts
+_LEAST_KEPT = 0.5
 #: the copies of a split vertex move this share of the way to the middle of their neighbours, so that they separate
 _PARTED = 0.1
 
@@ -201,6 +203,11 @@ class BrokenSurface:
                 f"the surface has {len(large)} separate pieces, and cortet cannot tell which one to mesh; "
                 f"shares of the area: {shares}; centres: {where}",
                 remedy=f"keep one of the pieces, or raise repair.max_piece (now {self.limits.max_piece:g})",
+            )
+        if share[0] < _LEAST_KEPT and self.limits.max_piece < _LEAST_KEPT:
+            raise InputError(
+                f"the surface has {len(area)} pieces, of which the largest has {share[0]:.1%} of the area",
+                remedy="export the surface again: its triangles do not belong together",
             )
         if len(area) > 1:
             centres = np.array([self._middle(piece == number) for number in range(1, min(len(area), PLACES + 1))])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,17 +17,21 @@ from cortet.geometry.orientation import outward
 from cortet.geometry.smoothing import laplacian
 from cortet.geometry.topology import SurfaceTopology, compact, enclosed_volume, face_areas, surface_topology
 from cortet.geometry.uncrossing import moved_apart
+from cortet.measure.quality import signed_volumes
 from cortet.measure.usual_size import unusual_volume
-from cortet.meshes import FloatArray, IntArray, TriSurface, single_precision
+from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, single_precision
 
 VERSION: int = 3
 
 #: longest side of the bounding box, mm: from a small monkey's hemisphere to an adult human brain in its shell
 EXTENT_MM = (15.0, 220.0)
+#: the same where the user has stated the unit: from the smallest mammal's to the largest's. No unit that is wrong by a
+#: factor of 1000 gives a brain of such a size
+STATED_EXTENT_MM = (1.0, 500.0)
 #: bound for an unplaced surface in micrometres; a file beyond it is damaged
 LARGEST_COORDINATE = 1e9
-#: enclosed volume, mL
-VOLUME_ML = (1.0, 3000.0)
+#: enclosed volume, mL, and where the user has stated the unit
+VOLUME_ML, STATED_VOLUME_ML = (1.0, 3000.0), (0.0, 10_000.0)
 #: share of the triangles that may cross others and still count as "a few"
 MAX_CROSSING = 0.001
 #: farthest that the repair of crossing triangles may move a vertex, mm
@@ -71,6 +74,7 @@ def gate(
     inside: bool = False,
     gestational_age: float | None = None,
     hemi: str | None = None,
+    to_mm: float | None = None,
 ) -> tuple[TriSurface, GateReport]:
     """Let one closed, oriented, mm-sized manifold without self-intersections through.
 
@@ -84,6 +88,7 @@ def gate(
     inside : the surface lies inside another one, and may be smaller than a brain
     gestational_age : weeks, if it is known; the report says if the volume is unusual at this age
     hemi : L or R; None: a whole brain, or not known
+    to_mm : the factor that has brought its coordinates to mm, if the user has stated their unit; else None
 
     Raises
     ------
@@ -107,7 +112,7 @@ def gate(
             logger.warning("%s: %d of %d triangles turned outward", named, reoriented, len(used.faces))
         extents = np.ptp(oriented.points, axis=0).tolist()
         if not inside:
-            require_size(extents, enclosed_volume(oriented.points, oriented.faces) / 1000)
+            require_size(oriented, to_mm=to_mm or 1.0, stated=to_mm is not None)
         repaired, crossing = _uncross(oriented, named)
     except InputError as error:
         raise InputError(error.what, file=source, remedy=error.remedy) from None
@@ -171,17 +176,53 @@ def _check_topology(surface: TriSurface, found: SurfaceTopology, allow_genus: in
         )
 
 
-def require_size(extents: Sequence[float], volume: float, *, option: str = "gate.unit") -> None:
-    """Raise InputError unless the size (mm, mL) is that of a brain or hemisphere; `option` names the unit instead."""
-    extent = max(extents)
-    if EXTENT_MM[0] <= extent <= EXTENT_MM[1] and VOLUME_ML[0] <= volume <= VOLUME_ML[1]:
+def require_size(
+    shape: TriSurface | TetMesh,
+    *,
+    file: Any = None,
+    to_mm: float = 1.0,
+    stated: bool = False,
+    option: str = "set gate.unit: {unit}",
+    convert: str = "",
+) -> None:
+    """Raise InputError unless a surface or mesh has the size of a brain or hemisphere.
+
+    Parameters
+    ----------
+    shape : mm
+    file : where it comes from, for the message
+    to_mm : the factor that has brought its coordinates to mm; the error names units of the coordinates before
+    stated : the user has stated their unit, or cortet has written it: the brain may be that of any mammal
+    option : how a user states a unit, with `{unit}` for it; without, what to do where none can be stated
+    convert : what to do about another unit than mm where only mm can be stated
+    """
+    if isinstance(shape, TriSurface):
+        volume = abs(enclosed_volume(shape.points, shape.faces)) / 1000
+    else:
+        volume = abs(float(signed_volumes(shape.points, shape.cells).sum())) / 1000
+    long = float(np.ptp(shape.points, axis=0).max())
+    extents, volumes = (STATED_EXTENT_MM, STATED_VOLUME_ML) if stated else (EXTENT_MM, VOLUME_ML)
+    if extents[0] <= long <= extents[1] and volumes[0] <= volume <= volumes[1]:
         return
-    usual = f"{EXTENT_MM[0]:g} to {EXTENT_MM[1]:g} mm and {VOLUME_ML[0]:g} to {VOLUME_ML[1]:g} mL"
-    units = [unit for unit, factor in UNITS.items() if EXTENT_MM[0] <= extent * factor <= EXTENT_MM[1]]
-    named = f"if the coordinates are in {' or '.join(units)}, set the unit with {option}"
+    stored = long / to_mm
+    likely = [
+        unit for unit, factor in UNITS.items() if factor != to_mm and EXTENT_MM[0] <= stored * factor <= EXTENT_MM[1]
+    ]
+    remedies = [f"if the coordinates are in {unit}, {convert or option.format(unit=unit)}" for unit in likely]
+    if not likely:
+        remedies.append("give coordinates in mm, not voxel indices")
+    if (
+        "{unit}" in option
+        and not stated
+        and "mm" not in likely
+        and STATED_EXTENT_MM[0] <= stored <= STATED_EXTENT_MM[1]
+    ):
+        remedies.append(f"if this really is the size of the brain, {option.format(unit='mm')}")
     raise InputError(
-        f"the surface is {extent:.4g} mm long and encloses {volume:.4g} mL; cortet accepts {usual}",
-        remedy=named if units else "give coordinates in mm, not voxel indices",
+        f"the surface is {long:.4g} mm long and encloses {volume:.4g} mL; cortet accepts {extents[0]:g} to "
+        f"{extents[1]:g} mm and {volumes[0]:g} to {volumes[1]:g} mL",
+        file=file,
+        remedy="; ".join(remedies),
     )
 
 

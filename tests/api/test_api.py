@@ -108,6 +108,11 @@ REFUSED: list[tuple[Callable[[cortet.Mesh], Any], str]] = [
     (meshed(fields={"a": np.full(642, np.nan)}), "642 vertices, the first is vertex 0"),
     (meshed(fields={"a": np.ma.masked_equal(np.arange(642), 7)}), "the field a"),
     (lambda _: cortet.mesh(replace(BALL, point_data={"a": np.full(642, np.nan)}), 6.0), "642 vertices"),
+    # the value below a mask may be anything
+    (
+        lambda _: cortet.surface((np.ma.masked_equal(np.arange(9.0).reshape(3, 3), 4), [[0, 1, 2]])),
+        "1 values of points",
+    ),
     # nothing that can be done with a mesh
     *(
         (lambda made, size=size: made.plot(size), "pixels")
@@ -130,6 +135,39 @@ REFUSED: list[tuple[Callable[[cortet.Mesh], Any], str]] = [
 def test_a_call_refuses_what_it_cannot_do(made, call, keyword):
     with pytest.raises(InputError, match=keyword):
         call(made)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("m", 1e-3), ("cm", 0.1), ("um", 1e3)])
+def test_coordinates_that_are_not_mm_are_refused_at_every_door(unit, factor, tmp_path):
+    """Mesh and surface alike in cm were certified: only the lengths of the certificate were wrong."""
+    mesh = ball_mesh(2, radius=10.0)
+    mesh = replace(mesh, points=mesh.points * factor)
+    surface = boundary_surface(mesh)[0]
+    vtu.write(mesh, tmp_path / "x.vtu")
+    doors: list[Callable[[], Any]] = [
+        lambda: cortet.certify(tmp_path / "x.vtu", surface),
+        lambda: cortet.read(tmp_path / "x.vtu", surface),
+        lambda: cortet.improve(mesh, surface, progress=False),
+        lambda: cortet.repair(surface),
+        lambda: cortet.growth(surface, surface, (24, 28)),
+    ]
+    for door in doors:
+        with pytest.raises(InputError, match="mm long") as caught:
+            door()
+        assert f"in {unit}, " in caught.value.remedy
+
+
+def test_a_surface_in_other_units_than_its_mesh_is_refused_without_advice_on_cells(made, tmp_path):
+    made.save(tmp_path / "x.vtu")
+    small = replace(made.surface, points=made.surface.points * 0.1)
+    with pytest.raises(InputError, match="elsewhere"):
+        cortet.certify(tmp_path / "x.vtu", small)
+
+
+def test_a_mesh_of_a_mouse_is_certified_where_its_unit_is_stated():
+    mesh = ball_mesh(2, radius=4.0)
+    settings = {"gate": {"unit": "mm"}}
+    assert cortet.certify(mesh, boundary_surface(mesh)[0], settings=settings).checks
 
 
 def test_an_image_in_memory_is_a_volume_as_its_file_is(ball, tmp_path):
@@ -183,6 +221,18 @@ def test_a_mesh_has_its_arrays_its_certificate_and_its_fields(made):
     checks = made.checks()
     assert checks["passed"].all() and len(checks) == len(made.certificate.checks)
     assert f"{len(made.cells):,} tetrahedra\n worst q 0." in repr(made) and "certified" in repr(made)
+
+
+def test_a_masked_label_is_nan_on_the_surface_and_no_other_is_averaged(made):
+    """An integer array with a mask was "Cannot convert fill_value nan to dtype int64"."""
+    labels = np.where(made.points[:, 2] > 0, 7, 3)
+    far = made.points[:, 0] > 5
+    found = made.to_surface(np.ma.masked_array(labels, far))
+    whole = made.to_surface(labels)
+    assert np.isnan(found).any() and set(found[np.isfinite(found)]) == {3.0, 7.0}
+    assert np.array_equal(found[np.isfinite(found)], whole[np.isfinite(found)])
+    assert np.isnan(made.to_surface(np.ma.masked_array(made.points[:, 2] > 0, far))).any()
+    assert np.array_equal(made.to_surface(np.ma.masked_array(labels, False)), whole)
 
 
 def test_the_same_call_gives_the_same_bits(ball, made):

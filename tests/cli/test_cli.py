@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shlex
 import subprocess
@@ -135,7 +136,7 @@ def test_quality_prints_a_table_and_the_record_on_request(tmp_path, capsys):
 
 
 def test_certify_checks_a_mesh_by_its_surface(tmp_path, capsys):
-    mesh = cube_mesh(3, side=6.0)
+    mesh = cube_mesh(3, side=20.0)
     surface, _ = boundary_surface(mesh)
     vtu.write(mesh, tmp_path / "cube.vtu")
     write_surface(TriSurface(surface.points + np.array([0, 0, 0.5]), surface.faces), tmp_path / "cube.surf.gii")
@@ -197,6 +198,14 @@ def test_a_reader_that_has_enough_is_no_error(tmp_path):
     pipe = f"{sys.executable} -m cortet.cli quality {tmp_path / 'cube.vtu'} --json | head -c 1"
     done = subprocess.run(["bash", "-c", pipe], capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == ("{", "")
+
+
+def test_a_name_that_the_terminal_cannot_show_is_no_error(tmp_path):
+    vtu.write(cube_mesh(2, side=20.0), tmp_path / "é.vtu")
+    command = [sys.executable, "-m", "cortet.cli", "convert", str(tmp_path / "é.vtu"), str(tmp_path / "ö.inp")]
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 0 and "xf6.inp: written" in done.stdout, done.stderr
 
 
 def test_a_fold_that_was_killed_goes_on_with_the_age_of_its_file(ball, tmp_path):

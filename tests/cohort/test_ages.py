@@ -40,6 +40,10 @@ READ: list[tuple[str, dict[str, str] | None, str, float | str]] = [
     # the column age of BIDS is in years from birth
     ("age", None, "28", "counts from birth"),
     ("age", {"Units": "weeks"}, "28", "counts from birth"),
+    # a description of ages that count from birth, and of those that only mention it
+    ("ga", {"LongName": "weeks of life"}, "28", "counts from birth"),
+    ("scan_age", {"Description": "post-natal age, weeks", "Units": "weeks"}, "28", "counts from birth"),
+    ("scan_age", {"Description": "postmenstrual age: gestational age at birth and weeks after birth"}, "28", 28.0),
     # other units are never weeks
     *(
         ("scan_age", {"Units": units}, "28", f"in {units}")
@@ -102,3 +106,31 @@ def test_rows_that_contradict_each_other_give_no_age(tmp_path):
     found, said = ages(folder)
     assert found == [None, 31.0]
     assert "not read: 30 and 35 in column scan_age" in said
+
+
+@pytest.mark.parametrize("row", ["sub-b 30", "sub-b_ses-1mo\t30"])
+def test_rows_that_match_nobody_are_counted_and_the_first_is_named(tmp_path, row):
+    """A blank in place of a tab, or a session in the wrong column: the age was unknown, without a word."""
+    folder = dataset(tmp_path, "scan_age", {"a": "28", "b": "30"})
+    (folder / "participants.tsv").write_text(f"participant_id\tscan_age\nsub-a\t28\n{row}\n")
+    found, said = ages(folder)
+    assert found == [28.0, None]
+    assert "1 of 2 rows of participants.tsv match no surface, the first is line 3, 'sub-b" in said
+
+
+def test_rows_of_participants_without_a_surface_are_no_news(tmp_path):
+    folder = dataset(tmp_path, "scan_age", {"a": "28"})
+    with (folder / "participants.tsv").open("a") as table:
+        table.write("sub-z\t30\n")
+    assert "match no surface" not in ages(folder)[1]
+
+
+def test_sessions_that_share_the_age_of_their_participant_are_named(tmp_path):
+    """Two scans weeks apart had the same age, without a word."""
+    folder = dataset(tmp_path, "scan_age", {"a": "28"})
+    (folder / "sub-a/anat/sub-a_hemi-L_white.surf.gii").unlink()
+    for session in ("1", "2"):
+        (folder / f"sub-a/ses-{session}/anat").mkdir(parents=True)
+        (folder / f"sub-a/ses-{session}/anat/sub-a_ses-{session}_hemi-L_white.surf.gii").touch()
+    found, said = ages(folder)
+    assert found == [28.0, 28.0] and "sub-a: the sessions 1, 2 share the one age of their participant" in said

@@ -189,6 +189,13 @@ def test_a_folder_without_white_surfaces_says_what_is_there(tmp_path, file, word
         scan(touched(tmp_path, file))
 
 
+@pytest.mark.parametrize("subject", ["bert", "sub-01", "sub-CC01"])
+def test_the_folder_of_one_subject_names_the_folder_that_holds_all(tmp_path, subject):
+    release(freesurfer(tmp_path, "bert", "sub-01"))
+    with pytest.raises(InputError, match=f"{subject}: is the folder of one subject.*subjects: {tmp_path}"):
+        scan(tmp_path / subject)
+
+
 def test_subjects_whose_labels_are_alike_are_refused(tmp_path):
     with pytest.raises(InputError, match="would both be sub-a1"):
         scan(freesurfer(tmp_path, "a_1", "a-1"))

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from cortet.cohort.status import COLUMNS, failure_reason, status_rows
+from cortet.cohort.status import COLUMNS, certificate_of, failure_reason, status_rows
 from cortet.cohort.user_files import require_same_input
 from cortet.errors import StageError
 from cortet.formats.tables import names, write_table
@@ -59,3 +59,34 @@ def test_a_report_on_another_input_is_refused():
         require_same_input("gate.json", {}, {"surface": "a"})
     with pytest.raises(StageError, match=r"gate\.json: describes an earlier version"):
         require_same_input("gate.json", {"input_sha256": {"surface": "b"}}, {"surface": "a"})
+
+
+CERTIFICATE = {
+    "schema": 1,
+    "certified": True,
+    "checks": [{"id": "worst_q", "passed": True}],
+    "reasons": [],
+    "remarks": [],
+    "regions": [],
+    "quality": {},
+    "parameters": {},
+    "reports": {},
+}
+
+
+@pytest.mark.parametrize(
+    "edited",
+    [
+        {"checks": [{"id": "other", "passed": True}]},
+        {"checks": [[]]},
+        {"checks": {}},
+        {"quality": []},
+        {"reasons": "x"},
+    ],
+)
+def test_a_certificate_edited_to_another_form_is_none(tmp_path, edited):
+    """A page ended with `StopIteration:`."""
+    (path := tmp_path / "c.json").write_text(json.dumps(CERTIFICATE))
+    assert certificate_of(path) == CERTIFICATE
+    path.write_text(json.dumps({**CERTIFICATE, **edited}))
+    assert certificate_of(path) == {}

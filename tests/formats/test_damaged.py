@@ -5,9 +5,11 @@ from __future__ import annotations
 import base64
 import gzip
 import json
+import os
 import random
 import zlib
 from dataclasses import replace
+from pathlib import Path
 
 import nibabel
 import numpy as np
@@ -17,11 +19,14 @@ from exported import full_mesh
 from shapes import ball_surface
 from surface_files import FACES, FOREIGN, POINTS, data_array, gifti, points, saved, triangles
 
+from cortet.cohort import user_files
 from cortet.errors import InputError
 from cortet.formats import FORMATS
 from cortet.formats.gifti import read_fields, read_surface, write_surface
+from cortet.formats.hashing import sha256
 from cortet.formats.untrusted import safely_named
 from cortet.solver_files.export import convert, export
+from cortet.solver_files.meshed import cell_size_of, certificate_path
 from cortet.solver_files.sidecar import read_sidecar, sidecar_path
 
 #: of the files that `damages` makes
@@ -126,6 +131,66 @@ def test_a_field_named_as_a_path_writes_nothing_elsewhere(tmp_path):
     assert outside == [tmp_path / "s.surf.gii"]
     names = [("a", 1), ("a", 2), ("a_2", 3), ("x/../y\n", 4), ("", 5)]
     assert list(safely_named(names)) == ["a", "a_2", "a_2_2", "x___y_", "unnamed"]
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("files", {"../../x": ""}),
+        ("files", {"": ""}),
+        ("files", []),
+        ("units", {"coordinates": "parsec"}),
+        ("made_from", {"given": {"cortex": {"sha256": ""}}}),
+        ("made_from", []),
+        ("fields", {"thickness": []}),
+        ("coordinate_system", {"matrix": [1]}),
+    ],
+)
+def test_a_sidecar_edited_to_another_form_is_named(tmp_path, key, value):
+    path = tmp_path / "m.vtu"
+    export(full_mesh(), path, solver="vtu", certificate={"certified": True})
+    record = json.loads(sidecar_path(path).read_text())
+    sidecar_path(path).write_text(json.dumps({**record, key: value}))
+    with pytest.raises(InputError, match=rf"m\.vtu\.json: cannot be read as a sidecar: {key}"):
+        convert(path, tmp_path / "n.inp")
+
+
+def test_json_nested_deeper_than_python_reads_is_no_sidecar_and_no_certificate(tmp_path):
+    path = tmp_path / "m.vtu"
+    export(full_mesh(), path, solver="vtu", certificate={"certified": True})
+    certificate_path(path).write_text("[" * 100_000)
+    assert cell_size_of(path) is None
+    sidecar_path(path).write_text("[" * 100_000)
+    with pytest.raises(InputError, match="cannot be read as a sidecar"):
+        read_sidecar(path)
+
+
+@pytest.mark.parametrize("parameters", [[1], {"generate": []}, {"generate": {"cell_size": "0.6"}}])
+def test_a_certificate_edited_to_another_form_is_named(tmp_path, parameters):
+    certificate_path(tmp_path / "m.vtu").write_text(json.dumps({"parameters": parameters}))
+    with pytest.raises(InputError, match="certificate"):
+        cell_size_of(tmp_path / "m.vtu")
+
+
+@pytest.mark.parametrize("attributes", [{"Dimensionality": "999999999"}, {"Dim0": "-5"}])
+def test_a_gifti_array_of_a_shape_that_none_has_is_refused_at_once(tmp_path, attributes):
+    """NiBabel counts to the first, and takes the second for any number of rows."""
+    path = saved(tmp_path, "x.surf.gii", gifti(points(**attributes), triangles()))
+    with pytest.raises(InputError, match=r"x\.surf\.gii: cannot be read as GIfTI: an array has"):
+        read_surface(path)
+
+
+def test_pipes_and_devices_are_refused_before_they_are_opened(tmp_path):
+    """Nobody writes to the pipe, and the device never ends: opening one or reading the other waits for ever."""
+    os.mkfifo(pipe := tmp_path / "x.surf.gii")
+    os.mkfifo(sidecar_path(tmp_path / "m.vtu"))
+    for path in (pipe, Path("/dev/zero")):
+        assert user_files.content({"surface": path}) == {"surface": None}
+        for read in (read_surface, sha256):
+            with pytest.raises(InputError, match="file"):
+                read(path)
+    with pytest.raises(InputError, match="is not a file"):
+        read_sidecar(tmp_path / "m.vtu")
 
 
 def test_a_json_file_of_another_kind_is_no_sidecar(tmp_path):

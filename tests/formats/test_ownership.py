@@ -206,3 +206,14 @@ def test_temporary_files_of_ended_processes_are_deleted_and_nothing_else(tmp_pat
     with atomic_folder(tmp_path / "x.json") as own:
         (own / "x.json").touch()
     assert not folder.exists()
+
+
+def test_a_list_that_is_a_link_is_never_written_to(tmp_path):
+    """It would have added lines to any file of the user that a link in a shared folder names."""
+    (tmp_path / "notes.txt").write_text("mine")
+    (folder := tmp_path / "shared").mkdir()
+    (folder / MANIFEST).symlink_to(tmp_path / "notes.txt")
+    out = folder / "x.txt"
+    with guarded([], files=[out]), pytest.raises(InputError, match="is a link"), atomic_path(out) as new:
+        new.write_text("x")
+    assert (tmp_path / "notes.txt").read_text() == "mine" and not out.exists()

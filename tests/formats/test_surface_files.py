@@ -25,6 +25,7 @@ from surface_files import (
     triangles,
 )
 
+import cortet
 from cortet.cohort import user_files
 from cortet.config import load
 from cortet.errors import InputError, StageError
@@ -34,6 +35,7 @@ from cortet.formats.gifti import (
     read_fields,
     read_label_names,
     read_surface,
+    require_anatomical,
     write_fields,
     write_surface,
 )
@@ -290,3 +292,41 @@ def test_units(unit, factor):
     assert made.points == pytest.approx(ball.points) and np.array_equal(made.faces, surface.faces)
     assert made.frame == CoordinateFrame()
     assert load({}).placement() is None and placed(surface, None) is surface
+
+
+@pytest.mark.parametrize("shape", ["Inflated", "VeryInflated", "Spherical", "Flat"])
+def test_a_surface_that_says_it_is_inflated_is_not_meshed(tmp_path, shape):
+    """Its mesh was certified: an inflated surface is as sound as any."""
+    image = nibabel.gifti.GiftiImage()
+    image.add_gifti_data_array(nibabel.gifti.GiftiDataArray(BALL.points.astype("f4"), "NIFTI_INTENT_POINTSET"))
+    image.add_gifti_data_array(nibabel.gifti.GiftiDataArray(BALL.faces, "NIFTI_INTENT_TRIANGLE"))
+    image.darrays[0].meta = nibabel.gifti.GiftiMetaData({"GeometricType": shape})
+    nibabel.save(image, tmp_path / "x.surf.gii")
+    assert len(cortet.surface(tmp_path / "x.surf.gii").faces) == len(BALL.faces), "it can still be looked at"
+    for given in (tmp_path / "x.surf.gii", image):
+        with pytest.raises(InputError, match=shape):
+            cortet.mesh(given, 5.0)
+    image.darrays[0].meta = nibabel.gifti.GiftiMetaData({"GeometricType": "Anatomical"})
+    nibabel.save(image, tmp_path / "x.surf.gii")
+    require_anatomical(tmp_path / "x.surf.gii")
+
+
+@pytest.mark.parametrize("name", ["lh.inflated", "rh.sphere.reg"])
+def test_inflated_surfaces_of_freesurfer_are_known_by_their_names(tmp_path, name):
+    freesurfer.write_geometry(tmp_path / name, BALL.points, BALL.faces)
+    with pytest.raises(InputError, match="not that of a brain"):
+        require_anatomical(tmp_path / name)
+
+
+def test_freesurfers_oldest_surfaces_are_named_as_such(tmp_path):
+    """Magic 16777215 begins surfaces of quadrangles and files of values alike: the former were called the latter."""
+    corners = np.array([[0, 1, 2, 3], [3, 2, 1, 0]])
+    head = b"\xff\xff\xff" + (4).to_bytes(3, "big") + (2).to_bytes(3, "big")
+    threes = b"".join(int(one).to_bytes(3, "big") for one in corners.ravel())
+    (tmp_path / "lh.white").write_bytes(head + np.zeros((4, 3), ">i2").tobytes() + threes)
+    for read in (read_surface, read_fields):
+        with pytest.raises(InputError, match="lh.white: is a FreeSurfer surface of quadrangles.*mris_convert"):
+            read(tmp_path / "lh.white")
+    freesurfer.write_morph_data(tmp_path / "lh.thickness", np.ones(4))
+    with pytest.raises(InputError, match="values without a surface"):
+        read_surface(tmp_path / "lh.thickness")

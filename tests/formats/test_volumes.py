@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +22,7 @@ from cortet.errors import InputError
 from cortet.formats import read_mesh
 from cortet.formats.tsv import read_tsv
 from cortet.formats.volumes import Volume, label_names, matrices, read_named, read_volume
+from cortet.formats.volumes import volume_of as volume_from
 from cortet.geometry.icosphere import icosphere
 from cortet.geometry.voxels import labels_inside, means_inside
 from cortet.geometry.winding import winding_numbers
@@ -83,6 +85,18 @@ def test_freesurfers_volumes_are_read(tmp_path, labels):
     assert volume.kind == "labels"
     np.testing.assert_array_equal(volume.values, labels)
     np.testing.assert_allclose(volume.affine, AFFINE, atol=1e-5)
+
+
+@pytest.mark.parametrize("suffix", ["mgh", "mgz"])
+def test_an_mgh_file_without_valid_geometry_is_refused(tmp_path, labels, suffix):
+    """NiBabel would place it around 0, with voxels of 1 mm."""
+    raw = nibabel.MGHImage(labels.astype(np.int32), AFFINE).to_bytes()
+    raw = raw[:28] + bytes(2) + raw[30:]
+    path = tmp_path / f"aseg.{suffix}"
+    path.write_bytes(gzip.compress(raw) if suffix == "mgz" else raw)
+    for read in (read_volume, lambda path: volume_from(nibabel.load(path))):
+        with pytest.raises(InputError, match=rf"aseg.{suffix}: does not state the location of its voxels: .*invalid"):
+            read(path)
 
 
 def test_labels_that_a_file_rounds_are_labels(tmp_path, labels, caplog):
@@ -192,7 +206,7 @@ def test_labels_beside_the_surface_are_refused(ball, labels, caplog):
         (volume_of(labels, AFFINE + _shift(12)), ball, "by up to 6.0 mm"),
         (volume_of(labels, AFFINE + _shift(10)), replace(ball, points=0.5 * ball.points), "41%.*100%.*shifted"),
         (volume_of(corner), ball, "cover 0%"),
-        (volume_of(there), replace(aside, points=aside.points * [-1, -1, 1]), "LPS"),
+        (volume_of(there), replace(aside, points=aside.points * [-1, -1, 1]), r"\(the surface is in LPS"),
         (volume_of(np.flip(there)), aside, "flipped"),
     ):
         with pytest.raises(InputError, match=word):

@@ -46,3 +46,25 @@ def test_without_a_place_for_caches_a_temporary_one_is_used_and_said(tmp_path):
     again = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     used = Path(again.stdout.split()[-1])
     assert used != own and used.parent == tmp_path
+
+
+FORKED = """
+import multiprocessing, cortet
+ball = cortet.phantom(28, subdivisions=3)
+
+def meshed(_):
+    return cortet.mesh(ball, 6.0, progress=False).certified
+
+meshed(0)
+with multiprocessing.get_context("fork").Pool(1) as pool:
+    try:
+        pool.map_async(meshed, [1]).get(timeout=60)
+    except cortet.CortetError as error:
+        print(error)
+"""
+
+
+def test_a_process_that_was_forked_after_cortet_ran_is_told_to_be_spawned():
+    """OpenMP ended it without a word, and the pool waited for it for ever."""
+    done = subprocess.run([sys.executable, "-c", FORKED], capture_output=True, text=True, timeout=120, check=False)
+    assert 'get_context("spawn")' in done.stdout, done.stderr

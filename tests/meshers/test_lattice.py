@@ -1,5 +1,8 @@
 """A body-centred cubic lattice fills what given triangles enclose, and these triangles stay."""
 
+import os
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -84,3 +87,14 @@ def test_a_real_cortex_is_remeshed_and_filled():
     points, cells = tetrahedralised(boundary, nodes_in(boundary, cell_size=2.0))
     made = boundary_faces(TetMesh(points, oriented(points, cells)[0]))
     assert len(made) == len(boundary.faces) and surface_topology(made).problems() == []
+
+
+def test_triangles_that_cross_leave_no_files_and_no_other_folder(tmp_path, monkeypatch):
+    """TetGen wrote into the working folder, so cortet changed it, under the files of other threads."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(os, "chdir", None)
+    ball = ball_surface(2, 5.0)
+    crossing = replace(ball, points=np.r_[[-9.0 * ball.points[0] / 5], ball.points[1:]])
+    with pytest.raises(RuntimeError, match="self-intersections"):
+        tetrahedralised(crossing, np.zeros((0, 3)))
+    assert list(tmp_path.iterdir()) == []

@@ -126,6 +126,12 @@ def test_what_others_wrote_is_quoted_not_obeyed(tmp_path, certificate):
         assert "&lt;script&gt;alert(1)" in page
 
 
+def test_a_name_that_turns_the_direction_of_text_is_shown_without_its_turn(tmp_path, certificate):
+    """`x[U+202E]gpj.exe` would read as `xexe.jpg`."""
+    case = case_page(tmp_path, {**certificate, "case": "x\u202egpj"}, facts={"\u2066y": "z\u202e"})
+    assert not {"\u202e", "\u2066"} & {*case} and "x\ufffdgpj" in case
+
+
 def test_a_page_is_one_small_file_the_same_every_time_that_points_nowhere_else(tmp_path, page, certificate):
     markup = re.sub(r"<script>.*?</script>", "", page, flags=re.DOTALL)
     assert not re.findall(r'(?:src|href|action)="(?!data:|#)[^"]*"', markup)

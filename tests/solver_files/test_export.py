@@ -14,7 +14,7 @@ from shapes import ball_mesh
 
 from cortet.api.meshing import tetrahedra
 from cortet.errors import InputError, StageError
-from cortet.formats import FORMATS, read_mesh, vtu
+from cortet.formats import FORMATS, carp, read_mesh, vtu
 from cortet.measure.quality import quality
 from cortet.meshes import CoordinateFrame, MeshSets
 from cortet.solver_files.export import convert, export
@@ -135,6 +135,17 @@ def test_a_foreign_mesh_in_another_unit_is_refused_until_its_unit_is_named(tmp_p
     assert f" {unit}" in caught.value.remedy
     convert(tmp_path / "foreign.vtu", tmp_path / "x.vtu", source_unit=unit)
     assert np.allclose(vtu.read(tmp_path / "x.vtu").points, ball.points, rtol=1e-6)
+
+
+def test_a_carp_mesh_in_mm_without_a_sidecar_is_named_as_mm_and_no_other_unit_is_believed(tmp_path):
+    """The unit of CARP is um: the remedy took the mm for that, and named m, which gave a mesh of 40 m."""
+    carp.write(ball_mesh(2, radius=20.0), tmp_path / "b.pts", unit="mm")
+    with pytest.raises(InputError) as caught:
+        convert(tmp_path / "b.pts", tmp_path / "b.vtu")
+    assert "in mm, add --source-unit mm" in caught.value.remedy
+    with pytest.raises(InputError, match="4e.04 mm long.*source-unit mm"):
+        convert(tmp_path / "b.pts", tmp_path / "b.vtu", source_unit="m")
+    convert(tmp_path / "b.pts", tmp_path / "b.vtu", source_unit="mm")
 
 
 def test_inverted_tetrahedra_of_a_foreign_mesh_are_those_of_the_input(tmp_path):

@@ -1,5 +1,7 @@
 """Depths of a cortex between two spheres, whose columns are radii: points, values and surfaces."""
 
+import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -79,8 +81,10 @@ def test_a_surface_at_a_depth_has_the_vertices_of_that_given_and_can_bound_a_reg
 
 
 def test_depths_outside_the_cortex_and_meshes_without_a_white_surface_are_refused(head):
-    with pytest.raises(InputError, match=r"1\.1"):
-        head.laminar_profile(head.points, [0.5, 1.1])
+    for depths in ([0.5, 1.1], [[0.5]], ["half"], 0.5, None):
+        for call in (partial(head.laminar_profile, head.points), head.laminar_surfaces):
+            with pytest.raises(InputError, match=f"{re.escape(repr(depths))} are not depths"):
+                call(depths)
     single = cortet.mesh(ball_surface(2, PIAL), cell_size=4.0, progress=False)
     with pytest.raises(InputError, match="white"):
         single.laminar_profile(single.points, [0.5])

@@ -13,7 +13,7 @@ from cortet.errors import InputError
 from cortet.geometry.topology import boundary_faces, boundary_nodes
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import TetMesh
-from cortet.solver_files.sets import named_sets, set_name
+from cortet.solver_files.sets import named_sets, require_same_regions, set_name
 from cortet.stages.solver_ready import surface_nodes_first
 
 
@@ -102,3 +102,41 @@ def test_fields_that_are_not_there_or_that_no_file_holds_are_refused(arguments, 
         labels = np.where(np.arange(len(mesh.cells)) % 2, 0, largest)
         with pytest.raises(InputError, match=word):
             named_sets(replace(mesh, cell_data={"large": labels}), **arguments)
+
+
+SWAPPED = {1: 2, 2: 1}
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (
+            np.vectorize(SWAPPED.get),
+            r"disagree on \d{4} tetrahedra, the first is number 0: its region is \d, its set is co",
+        ),
+        (np.ones_like, "disagree on"),
+        (lambda region: np.where(np.arange(len(region)) == 7, 0, region), "disagree on 1 tetrahedra.*number 7.*is 0"),
+        (lambda region: np.where(np.arange(len(region)) == 9, 7, region), "disagree on 1 tetrahedra.*number 9.*is 7"),
+    ],
+)
+@pytest.mark.parametrize("inner", [[], ["white"]])
+def test_numbers_of_regions_that_disagree_with_the_sets_are_refused(ball, change, word, inner):
+    """They were ignored: the sets were certified, and a solver that reads the array got another brain."""
+    mesh = named_sets(ball, cortex_depth=3.0)
+    require_same_regions(mesh, inner)
+    with pytest.raises(InputError, match=word):
+        require_same_regions(replace(mesh, cell_data={"region": change(mesh.cell_data["region"])}), inner)
+
+
+def test_a_tetrahedron_in_two_regions_is_refused(ball):
+    mesh = named_sets(ball, cortex_depth=3.0)
+    cells = {**mesh.sets.cells, "core": np.union1d(mesh.sets.cells["core"], mesh.sets.cells["cortex"][:1])}
+    with pytest.raises(InputError, match="1 tetrahedra are in several of the sets cortex, core"):
+        require_same_regions(replace(mesh, sets=replace(mesh.sets, cells=cells)), [])
+
+
+def test_labels_in_place_of_regions_are_no_disagreement(ball):
+    tissue = (ball.points[ball.cells].mean(axis=1)[:, 0] > 0).astype(np.int32) + 4
+    mesh = named_sets(replace(ball, cell_data={"tissue": tissue}), cortex_depth=3.0, tissues=["tissue"], tags="tissue")
+    assert {*mesh.cell_data["region"]} == {4, 5}
+    require_same_regions(mesh, [])

@@ -9,6 +9,7 @@ import pytest
 import trimesh
 from shapes import ball_surface, one_sided, torus
 
+from cortet.config import load
 from cortet.config.stages import Gate
 from cortet.errors import InputError
 from cortet.geometry.intersection import self_intersections
@@ -138,3 +139,19 @@ def test_anything_else_is_refused_with_the_file_and_a_remedy(surface, word):
 
 def test_handles_pass_for_those_who_know():
     assert gate(TORUS, Gate(allow_genus=1), source="x")[1].genus == 1
+
+
+def test_a_brain_of_10_mm_is_accepted_if_its_unit_is_stated():
+    """A mouse: the refusal names centimetres, and how a brain that really is so small is accepted."""
+    mouse = ball_surface(3, 5.0)
+    with pytest.raises(InputError) as caught:
+        gate(mouse, source="mouse.surf.gii")
+    assert "gate.unit: cm" in caught.value.remedy and "gate.unit: mm" in caught.value.remedy
+    assert gate(mouse, source="mouse.surf.gii", to_mm=load({"gate": {"unit": "mm"}}).placement())[1].vertices == 642
+
+
+def test_a_stated_unit_that_gives_a_brain_of_40_m_is_refused_and_the_right_one_named():
+    wrong = replace(BALL, points=BALL.points * 1000)
+    with pytest.raises(InputError, match="4e.04 mm long") as caught:
+        gate(wrong, source="x.surf.gii", to_mm=1000.0)
+    assert "in mm, set gate.unit: mm" in caught.value.remedy

@@ -168,10 +168,18 @@ def dumbbell() -> TriSurface:
     return TriSurface(points, surface.faces)
 
 
+def scattered() -> TriSurface:
+    """Random triangles: every piece is small, and a cap on the largest was meshed."""
+    random = np.random.default_rng(0)
+    centres = random.uniform(0, 60, (900, 1, 3))
+    return TriSurface((centres + random.normal(0, 0.3, (900, 3, 3))).reshape(-1, 3), np.arange(2700).reshape(-1, 3))
+
+
 @pytest.mark.parametrize(
     ("surface", "limits", "words"),
     [
         (joined([ball(), TriSurface(ball().points + np.array([60, 0, 0]), ball().faces)]), {}, "2 separate pieces"),
+        (scattered(), {}, "pieces, of which the largest has .* of the area"),
         (one_sided(), {}, "no inside"),
         (breakages.hole(ball(), 30.0), {"max_hole": 50.0}, "88.4 mm"),
         (breakages.hole(ball(), 30.0), {"max_hole": 88.3}, "88.4 mm"),
