@@ -122,11 +122,12 @@ def cite(file: MeshFile, folds: Sequence[Path] = (), /, *, _: Common = Common())
     certificate, origin = certificate_beside(file), read_sidecar(file).get("made_from") or {}
     if not certificate:
         raise InputError("has no certificate next to it", file=file, remedy="name a mesh that `cortet mesh` wrote")
-    verdicts = {str(folder): verdict_of_fold(folder) for folder in folds}
-    for folder in (folder for folder, verdict in verdicts.items() if not verdict):
+    verdicts = {folder: verdict_of_fold(folder) for folder in folds}
+    if folder := next((folder for folder, verdict in verdicts.items() if not verdict), None):
         raise InputError("holds no finished fold", file=folder, remedy="name a folder that `cortet fold` wrote")
     age, hemi = origin.get("gestational_age"), origin.get("hemisphere")
-    paragraph = methods_of_mesh(certificate, age, hemi, fold_sentences(verdicts))
+    folded = fold_sentences({folder.name: verdict for folder, verdict in verdicts.items()})
+    paragraph = methods_of_mesh(certificate, age, hemi, folded)
     print(with_citations(paragraph, [certificate]))
     print(bibliography([certificate]))
     return 0

@@ -10,6 +10,7 @@ from typing import Any
 
 from cortet.config.fold import Fold
 from cortet.folding.journal import VERDICT
+from cortet.formats.ownership import json_of
 from cortet.report.stage_sentences import counted
 
 #: keys of a fold that the sentences say otherwise
@@ -17,9 +18,9 @@ _SAID = frozenset(("end", "gestational_age", "hemisphere", "model"))
 
 
 def verdict_of_fold(folder: Path) -> dict[str, Any]:
-    """Content of the verdict of the fold in a folder; empty if it has none."""
-    file = folder / VERDICT
-    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    """Content of the verdict of the fold in a folder; empty if it has none, or one of an earlier version."""
+    content = json_of(folder / VERDICT)
+    return content if "settings" in content else {}
 
 
 def fold_sentences(verdicts: Mapping[str, Mapping[str, Any]]) -> list[str]:

@@ -25,6 +25,7 @@ from cortet.folding.law import ALONG
 from cortet.folding.measurements import COLUMNS, Measurements
 from cortet.folding.models import CONSTANTS
 from cortet.folding.run import beginning, prepared, thickness_mm
+from cortet.folding.sentences import fold_sentences, verdict_of_fold
 from cortet.formats import braingrowth
 from cortet.formats.tables import names
 from cortet.formats.tsv import read_tsv
@@ -151,7 +152,30 @@ def test_it_ends_at_the_first_inverted_element_and_names_it(ball, tmp_path):
     assert table(tmp_path)["inverted"].iloc[-1] > 0
     last = meshio.read(sorted((tmp_path / "frames").glob("*.vtu"))[-1])
     assert not signed_volumes(last.points, ball.cells)[verdict.element] > 0
-    assert json.loads((tmp_path / "verdict.json").read_text())["outcome"] == "inverted"
+    written = json.loads((tmp_path / "verdict.json").read_text())
+    assert written["outcome"] == "inverted"
+    assert written["settings"]["force"] is True and written["settings"]["growth_rate"] == 1000.0
+
+
+def test_a_fold_of_strained_tetrahedra_says_from_which_week_on(ball, tmp_path):
+    """The demonstration ended with a worst q of 0.988, and without a warning."""
+    rate = {"model": "braingrowth", "growth_rate": 30.0, "record_interval": 0.5}
+    verdict = fold(ball, tmp_path, QUICK.with_keys(end=40.0, **rate))
+    rows = table(tmp_path)
+    compressed = rows[rows["compressed_share"] > 1e-3]
+    assert rows["compressed_share"].iloc[0] == 0 and len(compressed)
+    said = next(warning for warning in verdict.warnings if "less than 0.5" in warning)
+    assert said.startswith(f"from {compressed['gestational_age'].iloc[0]:.1f} weeks on more than 0.1 %")
+    assert verdict.compressed_share == pytest.approx(rows["compressed_share"].max(), rel=1e-5)
+    assert verdict.distorted_share == pytest.approx(rows["distorted_share"].max(), rel=1e-5)
+
+
+def test_the_methods_paragraph_tells_of_folds(finished):
+    folder, verdict = finished
+    told = " ".join(fold_sentences({"ball": verdict_of_fold(folder)}))
+    assert "1 mesh was folded by growth of the cortex (model growing, " in told and "thickness = 3.0" in told
+    assert "from 22 to 22.5 weeks" in told and f"index was {verdict.gyrification_index_last:.3f}" in told
+    assert "force = true" in told and f"Doubts about folds: ball ({verdict.warnings[0]}" in told
 
 
 def test_no_cortex_grows_around_the_callosum_of_a_whole_brain(ball):
