@@ -5,7 +5,7 @@ Their inputs are functions: every job of a cluster reads these rules, and should
 
 
 rule cohort_tables:
-    """Quality, stages, tissues and states of all cases, and the citation of the run."""
+    """Quality, stages, tissues and states of all cases."""
     input:
         **of_all("cohort_tables"),
     output:
@@ -21,7 +21,7 @@ rule cohort_tables:
 
 
 rule cohort_page:
-    """The page of all cases, its figure, and means on the common mesh."""
+    """The page of all cases with its figure, means on the common mesh, and the methods paragraph."""
     input:
         **of_all("cohort_page"),
     output:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import html
+import json
 import sys
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
@@ -271,6 +273,28 @@ class Mesh:
         from cortet.report.render import picture
 
         picture(self.named(), path, **how)
+
+    def page(self, path: str | Path, *, files: Sequence[tuple[str, str]] = ()) -> None:
+        """Write an HTML page about the mesh: verdict, pictures, sections, every number with its limit.
+
+        Parameters
+        ----------
+        files : address of further files, as seen from the page, and the words of the link to each
+        """
+        from cortet.report.case_page import Checked, about, write_case_page
+        from cortet.report.slices import slices
+
+        known = {"surface": self.origin.kind, "scan_age": self.ga, "mesher": self.config.generate.meshers[0]}
+        known |= {"cell_size": self.config.generate.cell_size[0]} | ({"hemi": self.hemi} if self.hemi else {})
+        given = next(iter(self.native.values()), self.surface)
+        with tempfile.TemporaryDirectory() as folder:
+            drawn = None
+            if self.volumes:
+                drawn = Path(folder) / "slices.png"
+                slices(self.mesh, *next(iter(self.volumes.items())), drawn, given.frame)
+            certificate = json.loads(json.dumps(asdict(self.certificate)))
+            shown = Checked(self.mesh, given, self.surface, certificate, files, self.tissue_rows, drawn)
+            write_case_page(shown, path, facts=about(known))
 
     def named(self) -> TetMesh:
         """The mesh with its named sets and the numbers of its regions, as files hold it."""

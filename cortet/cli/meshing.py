@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -63,8 +64,14 @@ class Views:
     slices: Picture | None = None
     page: Annotated[OutputFile | None, Parameter(metavar="HTML")] = None
 
-    def write(self, made: Mesh, place: Callable[[Path], Path]) -> None:
-        """Write those that are asked for; `place` gives the temporary file of each."""
+    def write(self, made: Mesh, place: Callable[[Path], Path], files: Mapping[Path, str]) -> None:
+        """Write those that are asked for.
+
+        Parameters
+        ----------
+        place : gives the temporary file of each
+        files : to which the page leads, and what they are
+        """
         given = next(iter(made.native.values()), made.surface)
         if self.slices:
             from cortet.report.slices import slices
@@ -75,16 +82,11 @@ class Views:
             made.picture(place(self.picture))
             print(f"{self.picture}: drawn")
         if self.page:
-            from cortet.report.case_page import Checked, about, write_case_page
-
-            chosen = {
-                "surface": made.origin.kind,
-                "scan_age": made.ga,
-                "cell_size": made.config.generate.cell_size[0],
-                "mesher": made.config.generate.meshers[0],
+            seen_from = self.page.absolute().parent
+            links = {
+                os.path.relpath(file.absolute(), seen_from): f"{file.name} ({what})" for file, what in files.items()
             }
-            shown = Checked(made.mesh, given, made.surface, asdict(made.certificate))
-            write_case_page(shown, place(self.page), facts=about(chosen))
+            made.page(place(self.page), files=[*links.items()])
             print(f"{self.page}: written")
 
 
@@ -218,10 +220,15 @@ def _deliver(made: Mesh, output: Path, *, force: bool, views: Views = Views()) -
     made = replace(made, certificate=replace(made.certificate, case=output.stem))
     target, uncertified = output if made.certified else uncertified_path(output), made.config.export.uncertified
     beside = companions(target, made.surface.inner, volumes=bool(made.tissue_rows))
-    told = write_files(made, target, force=force, uncertified=uncertified, views=lambda place: views.write(made, place))
+    is_written = made.certified or uncertified
+    files = {target: f"the result, {format_of(target).name}"} if is_written else {}
+    files[beside.certificate] = "certificate, JSON"
+    told = write_files(
+        made, target, force=force, uncertified=uncertified, views=lambda place: views.write(made, place, files)
+    )
     print_verdict(made.certificate)
     print(f"{beside.certificate}: every number with its limit")
-    if made.certified or uncertified:
+    if is_written:
         for what in told:
             print(f"{target}: {what}")
         print(f"{target}: written, with the meshed surface: {next(iter(beside.surfaces.values())).name}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -54,12 +55,13 @@ def test_three_doors_lead_to_the_same_files(tmp_path):
 
     case = Case("a", None, "L", 24.0, files["pial"], inner={"white": files["white"]})
     study.write_cases([replace(case, volumes={"tissue": str(files["tissue"])})])
-    assert study.run("meshes").returncode == 0
+    assert study.run("participants").returncode == 0
     assert study.files("*_tennodes.inp")
     given = [str(files["pial"]), "--inner", f"white={files['white']}", "--volume", f"tissue={files['tissue']}"]
     command = tmp_path / "command/x.vtu"
     command.parent.mkdir()
-    assert main(["mesh", *given, "--config", str(config), "--ga", "24", "-o", str(command)]) == 0
+    page = str(tmp_path / "command.html")
+    assert main(["mesh", *given, "--config", str(config), "--ga", "24", "-o", str(command), "--page", page]) == 0
     made = cortet.mesh(
         files["pial"],
         inner={"white": files["white"]},
@@ -71,6 +73,7 @@ def test_three_doors_lead_to_the_same_files(tmp_path):
     python = tmp_path / "python/x.vtu"
     python.parent.mkdir()
     made.save(python)
+    made.page(tmp_path / "python.html")
 
     (workflow,) = study.files("*Solver_sets.vtu")
     assert command.read_bytes() == python.read_bytes() == workflow.read_bytes()
@@ -97,3 +100,10 @@ def test_three_doors_lead_to_the_same_files(tmp_path):
     checks = [certificate["checks"] for certificate in certificates]
     assert checks[0] == checks[1] == checks[2]
     assert len({certificate["mesh_sha256"] for certificate in certificates}) == 1
+    assert panels(tmp_path / "command.html") == panels(tmp_path / "python.html") == panels(*study.files("*report.html"))
+
+
+def panels(page: Path) -> dict[str, str]:
+    """Name -> HTML of each panel of the page of a mesh; the last one names files."""
+    named = re.split(r'<section aria-labelledby="(\w+)">', page.read_text())[1:]
+    return dict(zip(named[0::2], named[1::2], strict=True)) | {"record": ""}
