@@ -15,7 +15,9 @@ from cortet.api.meshing import Mesh, teller, tetrahedra
 from cortet.config import Config, load
 from cortet.errors import InputError
 from cortet.formats.gifti import read_surface
+from cortet.formats.hashing import input_sha256
 from cortet.formats.ownership import guarded
+from cortet.formats.placement import placed
 from cortet.geometry.filling import require_body
 from cortet.geometry.kernel_cache import require_threads
 from cortet.geometry.nesting import nested
@@ -26,9 +28,9 @@ from cortet.meshes import REGION, IntArray, TetMesh, TriSurface, region_names
 from cortet.pipeline import Step
 from cortet.pipeline import improve as improved
 from cortet.solver_files import export
-from cortet.solver_files.meshed import Origin, cell_size_of, meshed_surface
+from cortet.solver_files.meshed import Origin, cell_size_of, meshed_surface, parameters_of
 from cortet.solver_files.sets import require_same_regions, with_regions
-from cortet.solver_files.sidecar import read_sidecar
+from cortet.solver_files.sidecar import changed_since, read_sidecar
 from cortet.stages.gate import require_size
 
 #: no inner surfaces
@@ -67,7 +69,10 @@ def read(path: str | Path, shape: SurfaceLike | None = None, cell_size: float | 
     mesh, filled, source = filling(file, shape, Config())
     size = _size(cell_size, file, mesh)
     config = load({"generate": {"cell_size": size}})
-    certificate = certify(mesh, filled, config.certify, cell_size=size, case=file.stem, source=source)
+    stages = {} if changed_since(file) else parameters_of(file)
+    certificate = certify(
+        mesh, filled, config.certify, cell_size=size, case=file.stem, source=source, parameters=stages
+    )
     return _known(Mesh(mesh, certificate, filled, config=config), file, source)
 
 
@@ -218,7 +223,13 @@ def _known(found: Mesh, made: TetMesh | Mesh | Path, source: Path | None) -> Mes
     origin = Origin(
         given, age=record.get("gestational_age"), hemisphere=record.get("hemisphere"), kind=record.get("surface")
     )
-    return replace(found, origin=origin, inputs=(made, *([source] if source else [])))
+    to_mm, stored = parameters_of(made).get("gate", {}).get("to_mm"), record.get("given", {})
+    native = {
+        region: placed(replace(read_surface(file, finite=False), point_data={}), to_mm)
+        for region, file in given.items()
+        if region in stored and input_sha256(file) == stored[region]["sha256"]
+    }
+    return replace(found, origin=origin, native=native, inputs=(made, *([source] if source else [])))
 
 
 def known_size(made: TetMesh | Mesh | str | Path) -> float | None:

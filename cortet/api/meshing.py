@@ -215,7 +215,11 @@ class Mesh:
         """
         name = next(iter(self.native), "") if region is None else region
         if name not in self.native:
-            raise InputError(f"there is no surface {name!r}", remedy=f"name one of {', '.join(self.native) or 'none'}")
+            what = f"the mesh has no surface {name!r}" if self.native else "the surface of the mesh is not known"
+            named = (
+                f"name one of {', '.join(self.native)}" if self.native else "mesh it with cortet, or keep its sidecar"
+            )
+            raise InputError(what, remedy=named)
         if name not in self._maps:
             self._maps[name] = surface_map(
                 self.mesh,

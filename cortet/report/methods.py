@@ -100,7 +100,7 @@ def with_citations(paragraph: str, certificates: Sequence[Certificate]) -> str:
 
 def _done(certificates: Sequence[Certificate]) -> list[str]:
     """What the stages did, and what came out."""
-    made = [content for content in certificates if "generate" in content["parameters"]]
+    made = [content for content in certificates if "generate" in content["reports"]]
     return [*(stage_sentences(made) if made else []), *_outcome(certificates)]
 
 

@@ -235,6 +235,21 @@ def test_a_masked_label_is_nan_on_the_surface_and_no_other_is_averaged(made):
     assert np.array_equal(made.to_surface(np.ma.masked_array(labels, False)), whole)
 
 
+def test_a_file_with_its_sidecar_finds_the_way_back_to_its_surface(ball, tmp_path):
+    """`to_surface` of a mesh that was read said: there is no surface '' (name one of none)."""
+    write_surface(ball, source := tmp_path / "ball.surf.gii")
+    made = cortet.mesh(source, COARSE, progress=False)
+    read = cortet.read(made.save(tmp_path / "x.vtu"))
+    height = made.points[:, 2]
+    assert np.allclose(read.to_surface(height), made.to_surface(height), atol=1e-9)
+    assert np.allclose(made.to_surface(height), ball.points[:, 2], atol=0.5)
+    with pytest.raises(InputError, match="no surface 'white'.*name one of"):
+        read.to_surface(height, region="white")
+    write_surface(TriSurface(ball.points * 1.1, ball.faces), source)  # not the surface that was meshed
+    with pytest.raises(InputError, match="the surface of the mesh is not known"):
+        cortet.read(tmp_path / "x.vtu").to_surface(height)
+
+
 def test_the_same_call_gives_the_same_bits(ball, made):
     again = cortet.mesh((ball.points, ball.faces), COARSE, ga=24, settings={"generate": {"meshers": ["lattice"]}})
     assert again.points.tobytes() == made.points.tobytes() and again.cells.tobytes() == made.cells.tobytes()
