@@ -61,7 +61,7 @@ def _repaired(certificates: Sequence[Certificate]) -> str:
     told = []
     for case, report in reports.items():
         for region, one in surfaces_of(report).items():
-            steps = [f"{step['done']}: {step['count']:,} {step['of']}" for step in one["steps"]]
+            steps = [f"{step['count']:,} {step['done']}" for step in one["steps"]]
             share = share_in_words(one["new_area_mm2"] / one["area_mm2"])
             told.append(
                 f"{case}{f' {region}' if region else ''} ({', '.join([*steps, f'{share} of its area is new'])})"

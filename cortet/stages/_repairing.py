@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -330,11 +331,19 @@ class BrokenSurface:
 
     def _note(self, done: str, count: int, of: str, places: FloatArray) -> None:
         listed = tuple(map(tuple, _apart(np.atleast_2d(places)).round(3).tolist()))
+        done, of = (_singular(words) if count == 1 else words for words in (done, of))
         self.steps.append(RepairStep(done, count, of, listed))
 
     def _middle(self, faces: NDArray[np.bool_]) -> FloatArray:
         middle: FloatArray = self.work.points[self.work.faces[faces]].mean(axis=(0, 1))
         return middle
+
+
+def _singular(words: str) -> str:
+    """What was done to several things, as it is said of one."""
+    plural = r"vertices|(triangle|face|edge|piece|hole|spike|handle)s"
+    one = re.sub(plural, lambda found: found[1] or "vertex", words, count=1)
+    return one.replace("tunnels", "tunnel")
 
 
 def in_mm(places: FloatArray) -> str:

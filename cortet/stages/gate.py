@@ -162,7 +162,7 @@ def _check_area(surface: TriSurface, flat: IntArray) -> None:
 def _check_topology(surface: TriSurface, found: SurfaceTopology, allow_genus: int) -> None:
     """Raise InputError unless the surface is a closed manifold of an allowed genus."""
     if problems := found.problems(genus=int(found.genus)):
-        remedy = "repair the surface, for example with MeshFix or PyMeshLab"
+        remedy = "repair the surface, for example with `cortet repair`"
         coincident = len(surface.points) - len(np.unique(surface.points, axis=0))
         if coincident:
             remedy = f"{coincident} vertices coincide with others: merge them first"
@@ -239,7 +239,7 @@ def _uncross(surface: TriSurface, named: Any) -> tuple[TriSurface, int]:
     where = surface.points[surface.faces[crossing[0]]].mean(axis=0).round(2).tolist()
     share = f"{len(crossing)} of {len(surface.faces)} triangles"
     found = f"{share} intersect others; the first is triangle {crossing[0]} at {where} mm"
-    remedy = "repair the surface, for example with MeshFix, or remesh it"
+    remedy = "repair the surface, for example with `cortet repair`, or remesh it"
     if len(crossing) > MAX_CROSSING * len(surface.faces):
         raise InputError(f"{found}; the gate repairs at most {MAX_CROSSING:.1%} of the triangles", remedy=remedy)
     repaired, remaining = moved_apart(surface, lambda one, chosen, _: laplacian(one, chosen), rounds=_REPAIR_ROUNDS)

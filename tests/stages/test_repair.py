@@ -72,16 +72,16 @@ def test_the_tip_of_a_cone_and_the_hub_of_a_fan_are_no_spikes():
 
 #: breakage -> beginning of the step that mends it, and farthest that the repaired surface is from the good one, mm
 MENDED = {
-    "hole of 5 mm": ("holes filled", 0.2),
-    "hole of 30 mm": ("holes filled", 2.5),
-    "narrow handle": ("handles cut", 0.2),
-    "wide handle": ("handles cut", 0.6),
+    "hole of 5 mm": ("hole filled", 0.2),
+    "hole of 30 mm": ("hole filled", 2.5),
+    "narrow handle": ("handle cut", 0.2),
+    "wide handle": ("handle cut", 0.6),
     "doubled faces": ("doubled", 0.0),
-    "isolated component": ("small separate pieces", 0.0),
+    "isolated component": ("small separate piece", 0.0),
     "flipped patch": ("triangles turned", 0.0),
     "duplicated vertices": ("coinciding vertices", 0.0),
-    "spike of 8 mm": ("spikes", 0.1),
-    "NaN vertex": ("vertices without finite", 0.1),
+    "spike of 8 mm": ("spike", 0.1),
+    "NaN vertex": ("vertex without finite", 0.1),
 }
 
 
@@ -202,7 +202,7 @@ def test_what_has_no_single_right_answer_is_refused(surface, limits, words):
 def test_a_tunnel_is_closed_within_the_limit_and_kept_where_it_is_allowed():
     made, report = repaired(TORUS, max_loop=45.0, max_volume_change=0.5)
     assert surface_topology(made.faces).genus == 0
-    assert "handles cut" in report.steps[0].done
+    assert "handle cut" in report.steps[0].done
     kept, report = repair(TORUS, source="x", allow_genus=1)
     assert not report.repaired
     assert surface_topology(kept.faces).genus == 1
