@@ -280,7 +280,7 @@ def outcome(plan: Plan, output: Path, *, page: bool, names: Collection[str] | No
     counts = Counter(states.values())
     told = [f"{counts[state]} {word}" for state, word in _IN_WORDS.items() if counts[state]]
     if qualified := _qualified(plan, states):
-        told[0] += f" ({qualified} of them with a repaired surface or relaxed limits)"
+        told[0] += f" ({qualified} with repaired surfaces or relaxed limits)"
     words = ", ".join(told)
     files = " ".join(f"*Solver_{end}" for end, form in EXPORTED.items() if form in plan.config.export.formats)
     look = f"open {output}/cohort/index.html; " if page and Path(plan.layout.cohort_page).is_file() else ""

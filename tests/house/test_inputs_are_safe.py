@@ -47,6 +47,7 @@ COMMANDS: dict[str, list[str]] = {
     ],
     "quality": ["x.vtu"],
     "certify": ["x.vtu x.surf.gii -o OUT.json"],
+    "cite": ["x.vtu"],
     "convert": [f"x.vtu OUT{suffix}" for suffix in (".inp", ".pts", ".vtu", ".surf.gii")],
     "quadratic": ["x.vtu x.surf.gii -o OUT.inp"],
     "project": ["x.vtu --mesh x.vtu --surface x.surf.gii -o OUT.func.gii"],
