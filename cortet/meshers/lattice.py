@@ -41,14 +41,17 @@ def fill(surface: TriSurface, settings: Generate, facts: Facts) -> Filled:
     from cortet.meshers._nested import remesh_apart, wanted
     from cortet.meshers._sizes import sizes_on
 
-    sizes = sizes_on(surface, settings, facts.cell_size)
     attempts: list[Attempt] = []
     for fraction in settings.edge_length:
         began = time.perf_counter()
         edge = fraction * facts.cell_size
-        longest = None if sizes is None else [fraction * size for size in sizes]
         distance = settings.surface_distance * facts.cell_size
-        made = remesh_apart(surface, wanted(surface, edge, distance, across=facts.elements_across, longest=longest))
+        followed = _coarsened(surface, edge, distance)
+        sizes = sizes_on(followed, settings, facts.cell_size)
+        longest = None if sizes is None else [fraction * size for size in sizes]
+        made = remesh_apart(followed, wanted(followed, edge, distance, across=facts.elements_across, longest=longest))
+        if followed is not surface:
+            made = [_on(given, one) for given, one in zip(sheets(surface), made, strict=True)]
         walls = [one.surface for one in made]
         if problem := _fault(walls, sheets(surface)):
             topology = surface_topology(walls[0].faces)
@@ -64,6 +67,30 @@ def fill(surface: TriSurface, settings: Generate, facts: Facts) -> Filled:
         f"no boundary edge length worked ({settings.edge_length} h): {'; '.join(attempts[-1].problems)}",
         remedy=remedy + ("take a larger regions.min_gap" if surface.inner else "smooth the surface there"),
     )
+
+
+def _coarsened(surface: TriSurface, edge: float, distance: float) -> TriSurface:
+    """The surface and its inner ones with no more vertices than remeshing to this edge length and distance needs."""
+    from cortet.geometry.nesting import sheets
+    from cortet.meshers._remesh import coarsened
+
+    given = sheets(surface)
+    outer, *inner = made = [coarsened(one, edge, distance) for one in given]
+    if all(one is old for one, old in zip(made, given, strict=True)):
+        return surface
+    return replace(outer, inner=dict(zip(surface.inner, inner, strict=True)))
+
+
+def _on(surface: TriSurface, made: Remeshed) -> Remeshed:
+    """A remeshed surface, each vertex put onto the given surface unless the nearest point is on the opposite bank."""
+    from cortet.geometry.closest_point import closest_points, tree_of
+    from cortet.geometry.topology import face_normals, vertex_normals
+
+    points, faces = made.surface.points, made.surface.faces
+    found = closest_points(tree_of(surface), points)
+    normals = face_normals(surface.points, surface.faces)[found.faces]
+    same = np.einsum("kj,kj->k", vertex_normals(points, faces), normals) > 0
+    return replace(made, surface=TriSurface(np.where(same[:, None], found.points, points), faces))
 
 
 def _meshed(
