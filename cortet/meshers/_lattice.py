@@ -36,7 +36,9 @@ CORE_GROWTH = 0.2
 _STEP = 2**0.5
 #: thickness, over the edge length, of the blades that get nodes half-way between their banks: in thinner ones a single
 #: layer of tetrahedra is better, thicker ones have room for the lattice
-THINNEST, THICKEST = 1.0, 1.9
+THINNEST, THICKEST = 1.0, 1.4
+#: they get them where edges are longer than this share of the longest: where blades shorten edges, the lattice fits
+_FULL = 0.95
 #: least distance between these nodes, and of lattice nodes from them, over the edge length
 MEDIAL_APART, MEDIAL_CLEAR = 0.95, 0.75
 #: a node half-way keeps this share of the thickness from both banks
@@ -105,7 +107,7 @@ def _medial_nodes(boundary: TriSurface, size: FloatArray) -> tuple[FloatArray, F
     outward = enclosed_volume(boundary.points, boundary.faces) > 0
     tree, normals = tree_of(boundary), vertex_normals(boundary.points, boundary.faces)
     between = thickness(tree, boundary.points, normals, 1.1 * THICKEST * size.max(), inside=outward)
-    thin = (between > THINNEST * size) & (between < THICKEST * size)
+    thin = (between > THINNEST * size) & (between < THICKEST * size) & (size > _FULL * size.max())
     inward = -normals[thin] if outward else normals[thin]
     nodes, between, size = boundary.points[thin] + inward * between[thin, None] / 2, between[thin], size[thin]
     clear = closest_points(tree, nodes).distances > _HALF_WAY * between

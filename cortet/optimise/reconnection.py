@@ -18,6 +18,7 @@ from cortet.meshes import IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import Flaws, flaws_since, without_crossing
 from cortet.optimise.insertion import MIN_GAIN, insert_vertices
 from cortet.optimise.places import (
+    RINGS,
     Part,
     better_of_each,
     cut_out,
@@ -54,7 +55,7 @@ _GAINS = ((MIN_GAIN, 2), (1.25, 4), (1.6, 4))
 #: number of the worst tetrahedra in each search: with more, pockets join, and one that is too large is given up
 _SOUGHT = 200
 #: a pocket with more bad tetrahedra than this is given up for this series of powers
-_MOST_HOPE = 100
+_MOST_HOPE = 400
 #: two series of powers; neither is always better: at 64, the good tetrahedra of a tight pocket hold the worst back
 _SEARCH_POWERS, _SEARCH_SWEEPS = ((8, 16, 32, 64), (8, 32, 128, 256)), 25
 #: tries: two for all pockets, the rest for the pockets whose boundary a try spoilt
@@ -153,7 +154,7 @@ def _searched_while_it_helps(
             break
         worst, excess = float(q.max()), left
         flaws_of = flaws_since(mesh, followed, cell_size)
-        mesh, found = searched(mesh, flaws_of, surface, threshold, boundary, relax=number > 0)
+        mesh, found = searched(mesh, flaws_of, surface, threshold, boundary, widen=number)
         inserted += found
     return mesh, inserted
 
@@ -165,14 +166,14 @@ def searched(
     threshold: float,
     boundary: Boundary,
     *,
-    relax: bool = False,
+    widen: int = 0,
 ) -> tuple[TetMesh, int]:
     """Search around the `_SOUGHT` worst tetrahedra, in pockets cut out of the mesh.
 
-    Also returns the number of vertices inserted. What a search leaves, another would leave again, unless the pockets
-    `relax` first. An insertion may make a pocket worse before it makes it better. If the
+    Also returns the number of vertices inserted. An insertion may make a pocket worse before it makes it better. If the
     boundary may slide, its edges may be split, too. A pocket whose boundary is spoilt goes back to its earlier state,
-    and is tried again with vertices held.
+    and is tried again with vertices held. What a search leaves, another one would leave again, so later ones `widen`
+    the pockets by that many layers of tetrahedra, and relax them first.
     """
     q = quality(mesh.points, mesh.cells)
     worst = np.sort(q)[-_SOUGHT - 1 :]
@@ -181,12 +182,12 @@ def searched(
     if not bad.any():
         return mesh, 0
     logger.info("%d tetrahedra above q = %g: searching around them", np.count_nonzero(bad), threshold)
-    part = cut_out(mesh, bad)
+    part = cut_out(mesh, bad, rings=RINGS + widen)
     best, held = part.mesh, np.zeros(0, np.int32)
     again = np.ones(len(best.cells), np.bool_)
     for number in range(1, _SEARCHES + 1):
         stiffer = part._replace(rim=np.union1d(part.rim, numbers_in(part, held)).astype(np.int32))
-        tried = better_of_each(best, _best_tries(only(best, again), stiffer, surface, threshold, boundary, relax))
+        tried = better_of_each(best, _best_tries(only(best, again), stiffer, surface, threshold, boundary, widen > 0))
         result = put_back(mesh, part, tried)
         flaws = flaws_of(result)
         crossing = result.points[flaws.met.ravel()]
