@@ -84,10 +84,11 @@ def graded_nodes(
         else:
             if ratio < 1:
                 reach = (edge_length * ratio * _STEP**0.5 - size) / GROWTH
-                reach = np.where(reach > 0, reach + plateau * size, 0)
+                near = reach > 0
+                reach = reach + plateau * size
             else:
                 reach = np.full(len(size), core_depth + edge_length * (ratio - 1) / CORE_GROWTH)
-            near = reach > 0
+                near = reach > 0
             nodes = _near_inside(boundary, CONSTANT * spacing, boundary.points[near], reach[near])
         nodes = nodes[~closer_than(tree, nodes, GAP * spacing)]
         kept = np.concatenate([kept, _apart(nodes, kept, APART * cell_size * (ratio + before) / 2)])
