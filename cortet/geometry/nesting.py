@@ -78,8 +78,12 @@ def region_boundary(surface: TriSurface, number: int) -> TriSurface:
     """
     every, around = sheets(surface), parents(surface)
     within = [every[child] for child, parent in enumerate(around) if parent == number]
-    turned = [TriSurface(one.points, one.faces[:, ::-1]) for one in within]
-    return joined([every[number], *turned])
+    return joined([every[number], *map(turned, within)])
+
+
+def turned(surface: TriSurface) -> TriSurface:
+    """A surface without fields, its triangles facing the other way."""
+    return TriSurface(surface.points, surface.faces[:, ::-1])
 
 
 def joined(surfaces: Sequence[TriSurface]) -> TriSurface:

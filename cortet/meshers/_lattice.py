@@ -15,7 +15,9 @@ import tetgen
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from cortet.geometry.closest_point import closer_than, tree_of
+from cortet.geometry.closest_point import closer_than, closest_points, tree_of
+from cortet.geometry.thickness import thickness
+from cortet.geometry.topology import enclosed_volume, vertex_normals
 from cortet.meshers._remesh import GROWTH
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
@@ -23,40 +25,23 @@ from cortet.meshes import FloatArray, IntArray, TriSurface
 CONSTANT = 1.54
 #: distance of lattice nodes from the boundary, over the cell size: less gives flat elements, more gives fewer good ones
 GAP = 0.5
+#: least distance between the nodes of two lattices, over the mean of their cell sizes
+APART = 0.75
+#: spacing of the lattices in the core grows by this share of the depth
+CORE_GROWTH = 0.2
 #: ratio of the spacings of one lattice and the next finer one
 _STEP = 2**0.5
-#: spacings this close, as a share of a step, count as equal
-_SAME_STEP = 0.05
+#: thickness, over the edge length, of the blades that get nodes half-way between their banks: in thinner ones a single
+#: layer of tetrahedra is better, thicker ones have room for the lattice
+THINNEST, THICKEST = 1.0, 1.4
+#: they get them where edges are longer than this share of the longest: where blades shorten edges, the lattice fits
+_FULL = 0.95
+#: least distance between these nodes, and of lattice nodes from them, over the edge length
+MEDIAL_APART, MEDIAL_CLEAR = 0.95, 0.75
+#: a node half-way keeps this share of the thickness from both banks
+_HALF_WAY = 0.45
 #: offset of the lattice's origin in a cube; any that puts no node on a round coordinate will do
 _ORIGIN = np.array([0.123, 0.347, 0.211])
-
-
-def lattice_nodes(
-    boundary: TriSurface, *, cell_size: float, core_ratio: float, core_depth: float, walls: TriSurface | None = None
-) -> FloatArray:
-    """Nodes of the lattice inside a closed surface, (n, 3) float64 mm.
-
-    Parameters
-    ----------
-    cell_size : mm
-    core_ratio : how many times coarser the lattice is in the core
-    core_depth : mm, depth below the boundary at which the core begins; of no effect when `core_ratio` is 1
-    walls : all triangles from which nodes keep their distance; None: those of the boundary
-    """
-    tree = tree_of(walls or boundary)
-    nodes = _inside(boundary, CONSTANT * cell_size)
-    nodes = nodes[~closer_than(tree, nodes, GAP * cell_size)]
-    if core_ratio == 1:
-        return nodes
-    core = _inside(boundary, CONSTANT * cell_size * core_ratio)
-    # the two lattices keep apart by the mean of their own gaps
-    halfway = GAP * cell_size * (1 + core_ratio) / 2
-    return np.concatenate(
-        [
-            nodes[closer_than(tree, nodes, core_depth)],
-            core[~closer_than(tree, core, core_depth + halfway)],
-        ]
-    )
 
 
 def graded_nodes(
@@ -65,45 +50,86 @@ def graded_nodes(
     *,
     edge_length: float,
     cell_size: float,
-    core_ratio: float,
-    core_depth: float,
-    walls: TriSurface | None = None,
+    core_ratio: float = 1.0,
+    core_depth: float = 0.0,
     plateau: float = 0.0,
+    halve: bool = True,
 ) -> FloatArray:
-    """Nodes of the lattice, and of finer ones near smaller triangles, (n, 3) float64 mm.
+    """Nodes of lattices inside closed surfaces, finer near smaller triangles and coarser in the core, (n, 3) mm.
+
+    The spacing grows from one lattice to the next by at most `_STEP`: between two lattices that differ more,
+    tetrahedra would be bad.
 
     Parameters
     ----------
-    size : (k,) mm, edge length at each vertex of the walls, graded by `GROWTH`
-    edge_length : mm, of the walls where the lattice has its usual spacing
-    cell_size, core_ratio, core_depth, walls : as in `lattice_nodes`
-    plateau : distance from a wall where the lattice begins to grow, over the edge length there
+    boundary : all triangles that bound a region, from which nodes keep their distance
+    size : (k,) mm, edge length at each of its vertices, graded by `GROWTH`
+    edge_length : mm, of the boundary where the lattice has its usual spacing
+    cell_size : mm
+    core_ratio : how many times coarser the lattice is in the core
+    core_depth : mm, depth below the boundary at which cells begin to grow; of no effect when `core_ratio` is 1
+    plateau : distance from the boundary where finer lattices begin to grow, over the edge length there
+    halve : whether blades too thin for the lattice get nodes half-way between their banks
     """
-    nodes = lattice_nodes(boundary, cell_size=cell_size, core_ratio=core_ratio, core_depth=core_depth, walls=walls)
-    walls = walls or boundary
-    tree = tree_of(walls)
-    kept = np.zeros((0, 3))
-    ratio = _finest(size.min() / edge_length)
-    while ratio < 1:
-        reach = (edge_length * ratio * _STEP**0.5 - size) / GROWTH
-        near = reach > 0
-        reach = reach + plateau * size
-        finer = _near_inside(boundary, CONSTANT * cell_size * ratio, walls.points[near], reach[near])
-        finer = finer[~closer_than(tree, finer, GAP * cell_size * ratio)]
-        kept = np.concatenate([kept, _apart(finer, kept, GAP * cell_size * ratio * (1 + 1 / _STEP))])
-        ratio *= _STEP
-    return np.concatenate([kept, _apart(nodes, kept, GAP * cell_size * (1 + 1 / _STEP))])
+    tree = tree_of(boundary)
+    kept, before = np.zeros((0, 3)), 0.0
+    ratios = _ratios(size.min() / edge_length, core_ratio)
+    for ratio in ratios:
+        spacing = cell_size * ratio
+        if ratio == ratios[-1]:
+            nodes = _inside(boundary, CONSTANT * spacing)
+        else:
+            if ratio < 1:
+                reach = (edge_length * ratio * _STEP**0.5 - size) / GROWTH
+                near = reach > 0
+                reach = reach + plateau * size
+            else:
+                reach = np.full(len(size), core_depth + edge_length * (ratio - 1) / CORE_GROWTH)
+                near = reach > 0
+            nodes = _near_inside(boundary, CONSTANT * spacing, boundary.points[near], reach[near])
+        nodes = nodes[~closer_than(tree, nodes, GAP * spacing)]
+        kept = np.concatenate([kept, _apart(nodes, kept, APART * cell_size * (ratio + before) / 2)])
+        before = ratio
+    medial, own = _medial_nodes(boundary, size) if halve else (kept[:0], kept[:0, 0])
+    if not len(medial):
+        return kept
+    distance, nearest = KDTree(medial).query(kept)
+    return np.concatenate([medial, kept[distance > MEDIAL_CLEAR * own[nearest]]])
 
 
-def finer_step(ratio: FloatArray) -> FloatArray:
-    """The largest spacings of lattices that are at most `ratio` times the usual one, at most 1."""
-    stepped: FloatArray = _STEP ** -np.maximum(0, np.ceil(-np.log(ratio) / np.log(_STEP) - _SAME_STEP))
-    return stepped
+def _medial_nodes(boundary: TriSurface, size: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Nodes half-way between the banks of blades too thin for the lattice, (k, 3) mm, and the edge length there, (k,).
+
+    Without them, tetrahedra would reach from bank to bank. They are centres of the shrinking balls of the vertices.
+    """
+    outward = enclosed_volume(boundary.points, boundary.faces) > 0
+    tree, normals = tree_of(boundary), vertex_normals(boundary.points, boundary.faces)
+    between = thickness(tree, boundary.points, normals, 1.1 * THICKEST * size.max(), inside=outward)
+    thin = (between > THINNEST * size) & (between < THICKEST * size) & (size > _FULL * size.max())
+    inward = -normals[thin] if outward else normals[thin]
+    nodes, between, size = boundary.points[thin] + inward * between[thin, None] / 2, between[thin], size[thin]
+    clear = closest_points(tree, nodes).distances > _HALF_WAY * between
+    nodes, size = nodes[clear], size[clear]
+    kept = _thinned(nodes, MEDIAL_APART * size)
+    return nodes[kept], size[kept]
 
 
-def _finest(ratio: float) -> float:
-    """The power of 1 / `_STEP` nearest to `ratio` on a logarithmic scale, at most 1."""
-    return float(_STEP ** -max(0, round(-np.log(ratio) / np.log(_STEP))))
+def _thinned(nodes: FloatArray, distance: FloatArray) -> NDArray[np.bool_]:
+    """Which nodes (n, 3) stay if each drops the later ones that are nearer to it than its `distance` (n,): (n,)."""
+    kept = np.ones(len(nodes), np.bool_)
+    for number, near in enumerate(KDTree(nodes).query_ball_point(nodes, distance) if len(nodes) else ()):
+        if kept[number]:
+            later = np.asarray(near)
+            kept[later[later > number]] = False
+    return kept
+
+
+def _ratios(finest: float, coarsest: float) -> list[float]:
+    """Spacings of the lattices over the usual one, ascending by about `_STEP`: from near the `finest` to `coarsest`."""
+    finer = max(0, round(-np.log(finest) / np.log(_STEP)))
+    coarser = max(round(np.log(coarsest) / np.log(_STEP)), 1 if coarsest > 1 else 0)
+    core = [coarsest ** (step / coarser) for step in range(1, coarser + 1)]
+    return [*(_STEP**-step for step in range(finer, 0, -1)), 1.0, *core]
 
 
 def _apart(nodes: FloatArray, others: FloatArray, distance: float) -> FloatArray:

@@ -19,7 +19,6 @@ from cortet.geometry.limits import LEAST_BANK_GAP
 from cortet.geometry.nesting import joined, parents, region_boundary, sheets
 from cortet.geometry.thickness import thickness
 from cortet.geometry.topology import TET_FACES, bodies, enclosed_volume, neighbours, packed, vertex_normals
-from cortet.meshers._lattice import finer_step
 from cortet.meshers._remesh import (
     CREST,
     EDGE_OVER_THICKNESS,
@@ -78,7 +77,7 @@ def wanted(
             gap = filled
         size = EDGE_OVER_THICKNESS * filled
         if across > 1 and surface.inner and parent <= 0:
-            size = np.minimum(size, edge_length * finer_step(EDGE_OF_LAYERS / across * cortex / edge_length))
+            size = np.minimum(size, EDGE_OF_LAYERS / across * cortex)
         if longest is not None:
             size = np.minimum(size, longest[number])
         size = np.clip(size, SHORTEST * edge_length, edge_length)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -13,7 +13,7 @@ from scipy.spatial import KDTree
 from cortet.errors import StageError, place_mm
 from cortet.geometry.closest_point import SurfaceTree, surface_tree
 from cortet.geometry.intersection import self_intersections
-from cortet.geometry.topology import compact, edges, face_areas
+from cortet.geometry.topology import compact, edges, face_areas, mean_edge
 from cortet.meshers import _half_edges as half_edges
 from cortet.meshers import _triangles as triangles
 from cortet.meshers._half_edges import FLAT, Scratch, Work
@@ -47,6 +47,13 @@ MUCH_TOO_LARGE, SPLINTER = 6, 0.16
 MOST_POINTS = 3, 100
 #: factor by which targets may grow back in each round
 _EASE = 1.2
+#: a surface with a mean edge below the first of these shares of the target edge length is coarsened to the second
+_DENSE, _COARSE = 0.2, 0.25
+#: largest distance of a coarsened surface from the given one, over the largest that is allowed after remeshing
+_COARSE_DISTANCE = 0.1
+#: rounds of collapses and flips, and tries to coarsen a surface. Where triangles cross, the next try keeps the given
+#: ones, within so many coarse edges
+_COARSE_ROUNDS, _COARSE_TRIES, _COARSE_REACH = 2, 4, 2.0
 
 T = TypeVar("T", bound=np.generic)
 
@@ -112,6 +119,47 @@ def remesh(surface: TriSurface, want: Wanted) -> Remeshed:
     return Remeshed(made, work.size[: work.used[0]].copy(), work.samples, np.sqrt(work.distance2))
 
 
+def coarsened(surface: TriSurface, edge_length: float, distance: float) -> TriSurface:
+    """The surface, with its edges collapsed if it is much denser than its triangles will be; else as it is.
+
+    Remeshing measures every vertex again and again. Far fewer give the same triangles, and this takes a time that is
+    linear in the number of vertices. Fields are those of the nearest vertex.
+
+    Parameters
+    ----------
+    edge_length, distance : mm, targets of the remeshing
+    """
+    if mean_edge(surface.points, surface.faces) > _DENSE * edge_length:
+        return surface
+    coarse, count = _COARSE * edge_length, len(surface.points)
+    want = Wanted(np.full(count, coarse), np.full(count, _COARSE_DISTANCE * distance))
+    for _ in range(_COARSE_TRIES):
+        made = _collapsed(surface, want)
+        crossing = self_intersections(made)
+        if not len(crossing):
+            nearest = KDTree(surface.points).query(made.points)[1]
+            logger.info("%d of %d vertices are enough for these cells", len(made.points), count)
+            return replace(made, point_data={name: values[nearest] for name, values in surface.point_data.items()})
+        centres = made.points[made.faces[crossing]].mean(axis=1)
+        want = tightened(surface, want, centres, np.full(len(centres), _COARSE_REACH * coarse), size=0.0)
+    return surface
+
+
+def _collapsed(surface: TriSurface, want: Wanted) -> TriSurface:
+    """The surface with its edges collapsed up to a length, as far as it stays within a distance."""
+    points, faces, kept = compact(surface.points, surface.faces)
+    tree = surface_tree(points, faces)
+    work = _begun(points, faces, tree, want.size[kept], want.distance[kept], centres=False)
+    longest, most = float(want.size.max()), float(want.distance.max())
+    limits = Limits((FREE * most) ** 2, (MOST * most) ** 2)
+    scratch = half_edges.scratch(len(work.samples))
+    for _ in range(_COARSE_ROUNDS):
+        triangles.collapse_short(work, tree, scratch, limits, longest)
+        work = _with_room(work)
+        triangles.flip(work, scratch, limits)
+    return TriSurface(work.points[: work.used[0]], work.faces[: work.used[1]])
+
+
 def _split(work: Work, tree: SurfaceTree, scratch: Scratch, limits: Limits) -> tuple[Work, int]:
     """Split long edges; return the work, with more room if it needed that, and the number of splits of the last round.
 
@@ -170,16 +218,21 @@ def shapes(surface: TriSurface) -> FloatArray:
     return 4 * np.sqrt(3) * face_areas(surface.points, surface.faces) / squares
 
 
-def tightened(surface: TriSurface, want: Wanted, centres: FloatArray, radius: FloatArray) -> Wanted:
-    """`want` with shorter edges and distances at the vertices, if any, within `radius` (k,) of `centres` (k, 3), mm."""
+def tightened(
+    surface: TriSurface, want: Wanted, centres: FloatArray, radius: FloatArray, *, size: float = TIGHTER_SIZE
+) -> Wanted:
+    """`want` with shorter edges and distances at the vertices, if any, within `radius` (k,) of `centres` (k, 3), mm.
+
+    Edges shrink by the factor `size`.
+    """
     near = KDTree(surface.points).query_ball_point(centres, radius)
     around = np.unique(np.concatenate([np.asarray(ball, np.int64) for ball in near]))
     if not len(around):
         return want
-    size, distance = want.size.copy(), want.distance.copy()
-    size[around] *= TIGHTER_SIZE
-    distance[around] *= TIGHTER_DISTANCE
-    return Wanted(size, distance)
+    shorter, nearer = want.size.copy(), want.distance.copy()
+    shorter[around] *= size
+    nearer[around] *= TIGHTER_DISTANCE
+    return Wanted(shorter, nearer)
 
 
 def opened(surface: TriSurface, values: FloatArray, *, below: float, radius: float) -> FloatArray:
@@ -197,18 +250,27 @@ def opened(surface: TriSurface, values: FloatArray, *, below: float, radius: flo
     return np.where(values < below, largest, values)
 
 
-def _begun(points: FloatArray, faces: IntArray, tree: SurfaceTree, size: FloatArray, distance: FloatArray) -> Work:
-    """The given surface itself, with every vertex and face centre attached to it."""
+def _begun(
+    points: FloatArray,
+    faces: IntArray,
+    tree: SurfaceTree,
+    size: FloatArray,
+    distance: FloatArray,
+    *,
+    centres: bool = True,
+) -> Work:
+    """The given surface itself, with every vertex and, where `centres` count, every face centre attached to it."""
     n, m = len(points), len(faces)
     leaving, opposite = np.full(n, -1, np.int32), np.full(3 * m, -1, np.int32)
     half_edges.link(faces, opposite, leaving)
     in_tree = np.empty(m, np.int32)
     in_tree[tree.faces] = np.arange(m, dtype=np.int32)
     of_vertex = leaving // 3
-    face = np.concatenate([of_vertex, np.arange(m)])
+    of_face = np.arange(m if centres else 0)
+    face = np.concatenate([of_vertex, of_face])
     first, after = _lists(face, m)
-    limit = np.concatenate([distance, distance[faces].min(axis=1)])
-    samples = np.concatenate([points, points[faces].mean(axis=1)])
+    limit = np.concatenate([distance, distance[faces[of_face]].min(axis=1)])
+    samples = np.concatenate([points, points[faces[of_face]].mean(axis=1)])
     work = Work(
         points=points,
         place=in_tree[of_vertex],

@@ -17,7 +17,7 @@ import numpy as np
 
 from cortet.errors import StageError, place_mm
 from cortet.meshers.mesher import OF_CGAL, Attempt, Facts, Filled, Mesher, Refinement
-from cortet.meshes import TetMesh, TriSurface
+from cortet.meshes import FloatArray, TetMesh, TriSurface
 
 if TYPE_CHECKING:
     from cortet.config.stages import Generate
@@ -41,14 +41,17 @@ def fill(surface: TriSurface, settings: Generate, facts: Facts) -> Filled:
     from cortet.meshers._nested import remesh_apart, wanted
     from cortet.meshers._sizes import sizes_on
 
-    sizes = sizes_on(surface, settings, facts.cell_size)
     attempts: list[Attempt] = []
     for fraction in settings.edge_length:
         began = time.perf_counter()
         edge = fraction * facts.cell_size
-        longest = None if sizes is None else [fraction * size for size in sizes]
         distance = settings.surface_distance * facts.cell_size
-        made = remesh_apart(surface, wanted(surface, edge, distance, across=facts.elements_across, longest=longest))
+        followed = _coarsened(surface, edge, distance)
+        sizes = sizes_on(followed, settings, facts.cell_size)
+        longest = None if sizes is None else [fraction * size for size in sizes]
+        made = remesh_apart(followed, wanted(followed, edge, distance, across=facts.elements_across, longest=longest))
+        if followed is not surface:
+            made = [_on(given, one) for given, one in zip(sheets(surface), made, strict=True)]
         walls = [one.surface for one in made]
         if problem := _fault(walls, sheets(surface)):
             topology = surface_topology(walls[0].faces)
@@ -66,6 +69,30 @@ def fill(surface: TriSurface, settings: Generate, facts: Facts) -> Filled:
     )
 
 
+def _coarsened(surface: TriSurface, edge: float, distance: float) -> TriSurface:
+    """The surface and its inner ones with no more vertices than remeshing to this edge length and distance needs."""
+    from cortet.geometry.nesting import sheets
+    from cortet.meshers._remesh import coarsened
+
+    given = sheets(surface)
+    outer, *inner = made = [coarsened(one, edge, distance) for one in given]
+    if all(one is old for one, old in zip(made, given, strict=True)):
+        return surface
+    return replace(outer, inner=dict(zip(surface.inner, inner, strict=True)))
+
+
+def _on(surface: TriSurface, made: Remeshed) -> Remeshed:
+    """A remeshed surface, each vertex put onto the given surface unless the nearest point is on the opposite bank."""
+    from cortet.geometry.closest_point import closest_points, tree_of
+    from cortet.geometry.topology import face_normals, vertex_normals
+
+    points, faces = made.surface.points, made.surface.faces
+    found = closest_points(tree_of(surface), points)
+    normals = face_normals(surface.points, surface.faces)[found.faces]
+    same = np.einsum("kj,kj->k", vertex_normals(points, faces), normals) > 0
+    return replace(made, surface=TriSurface(np.where(same[:, None], found.points, points), faces))
+
+
 def _meshed(
     surface: TriSurface, made: Sequence[Remeshed], edge: float, settings: Generate, facts: Facts
 ) -> tuple[TetMesh, Attempt]:
@@ -73,28 +100,51 @@ def _meshed(
     from cortet.geometry.nesting import joined
     from cortet.measure.quality import quality
     from cortet.meshers._filled import checked, well_ordered
-    from cortet.meshers._lattice import graded_nodes, tetrahedralised
+    from cortet.meshers._lattice import tetrahedralised
     from cortet.meshers._nested import regions_of
     from cortet.optimise.reconnection import reconnected
     from cortet.optimise.soundness import require_sound
 
-    walls, across = [one.surface for one in made], facts.elements_across
-    nodes = graded_nodes(
-        walls[0],
-        np.concatenate([one.size for one in made]),
-        edge_length=edge,
-        cell_size=facts.cell_size,
-        core_ratio=settings.core_ratio,
-        core_depth=settings.core_depth,
-        walls=joined(walls),
-        plateau=across / 2 if across > 1 else 0,  # from both sides to the middle
-    )
+    walls = [one.surface for one in made]
+    nodes = np.concatenate([_nodes(made, bounds, edge, settings, facts) for bounds in _bounds(surface)])
     points, cells = tetrahedralised(joined(walls), nodes)
     mesh, flat = well_ordered(points, cells, regions_of(points, cells, walls) if surface.inner else None)
     require_sound(mesh, quality(mesh.points, mesh.cells))
     mesh = reconnected(mesh, surface, insert=False, cell_size=facts.cell_size).mesh
     attempt = checked(mesh, surface, edge_length=edge, flat=flat)
     return mesh, replace(attempt, problems=attempt.problems + _interface_problems(mesh, surface))
+
+
+def _bounds(surface: TriSurface) -> list[list[int]]:
+    """The surfaces that bound each region, by number: the one around it, then those inside it."""
+    from cortet.geometry.nesting import parents
+
+    around = parents(surface)
+    return [[number, *(one for one, parent in enumerate(around) if parent == number)] for number in range(len(around))]
+
+
+def _nodes(
+    made: Sequence[Remeshed], bounds: Sequence[int], edge: float, settings: Generate, facts: Facts
+) -> FloatArray:
+    """Nodes inside the region that some of the remeshed surfaces bound, (n, 3) mm."""
+    from cortet.geometry.nesting import joined, turned
+    from cortet.meshers._lattice import graded_nodes
+
+    first, *within = [made[one].surface for one in bounds]
+    plateau = 0.0
+    if facts.elements_across > 1:
+        # cells between the surfaces grow from neither side; elsewhere there is a layer of one size at least
+        plateau = (facts.elements_across if bounds[0] == 0 else 1) / 2
+    return graded_nodes(
+        joined([first, *map(turned, within)]),
+        np.concatenate([made[one].size for one in bounds]),
+        edge_length=edge,
+        cell_size=facts.cell_size,
+        core_ratio=settings.core_ratio,
+        core_depth=settings.core_depth,
+        plateau=plateau,
+        halve=not within,  # a layer between two surfaces is better without
+    )
 
 
 def _interface_problems(mesh: TetMesh, surface: TriSurface) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -81,17 +81,20 @@ def flaws_since(
     if surface is not None:
         finders.append(partial(_closing_faces, surface))
 
+    @cache
+    def before(number: int) -> int:
+        return len(finders[number](mesh))
+
+    def new(number: int, result: TetMesh) -> IntArray:
+        """What is found, if it is more than before; otherwise nothing."""
+        found = finders[number](result)
+        return found if len(found) and len(found) > before(number) else found[:0]
+
     def flaws(result: TetMesh) -> Flaws:
-        met = np.unique(np.concatenate([_new(find, mesh, result) for find in finders]), axis=0)
+        met = np.unique(np.concatenate([new(number, result) for number in range(len(finders))]), axis=0)
         return Flaws(met, left_in(result))
 
     return flaws
-
-
-def _new(find: Callable[[TetMesh], IntArray], before: TetMesh, after: TetMesh) -> IntArray:
-    """What is found after, if it is more than before; otherwise nothing."""
-    found = find(after)
-    return found if len(found) and len(found) > len(find(before)) else found[:0]
 
 
 def without_crossing(

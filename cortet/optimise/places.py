@@ -36,10 +36,10 @@ class Part(NamedTuple):
     taken: NDArray[np.bool_]
 
 
-def cut_out(mesh: TetMesh, seeds: NDArray[np.bool_]) -> Part:
-    """Cut out the places around the tetrahedra `seeds` (m,)."""
+def cut_out(mesh: TetMesh, seeds: NDArray[np.bool_], rings: int = RINGS) -> Part:
+    """Cut out the places around the tetrahedra `seeds` (m,), with so many `rings` of tetrahedra around them."""
     taken: NDArray[np.bool_] = seeds
-    for _ in range(RINGS):
+    for _ in range(rings):
         near = np.zeros(len(mesh.points), np.bool_)
         near[mesh.cells[taken]] = True
         taken = np.asarray(near[mesh.cells].any(axis=1))

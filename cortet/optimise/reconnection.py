@@ -18,6 +18,7 @@ from cortet.meshes import IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import Flaws, flaws_since, without_crossing
 from cortet.optimise.insertion import MIN_GAIN, insert_vertices
 from cortet.optimise.places import (
+    RINGS,
     Part,
     better_of_each,
     cut_out,
@@ -32,7 +33,7 @@ from cortet.optimise.places import (
 )
 from cortet.optimise.star import mu2_of
 from cortet.optimise.swaps import NO_SWAPS, SwapCount, improve, live_cells, swappable
-from cortet.optimise.vertices import KEPT, Pass, interface_places, move_vertices
+from cortet.optimise.vertices import Pass, interface_places, move_vertices
 
 _ROUNDS = 4
 #: a round with fewer swaps per tetrahedron than this is the last one
@@ -41,16 +42,20 @@ _FEW = 2e-4
 _FIRST_SWAPS = 0.18
 #: powers of the first round, in which vertices move far; later rounds must not lose what it reached
 _FIRST_POWERS = (8, 16, 32)
+#: searches around the worst tetrahedra. Another one follows only if the worst q fell by the first of these numbers, or
+#: the sum of what is above the threshold fell below this share
+_MOST_SEARCHES, _LEAST_FALL, _LEAST_SHARE = 6, 2e-3, 0.9
+#: a threshold is reached if q exceeds it by at most this factor
+_REACHED = 1.001
 #: rounds of insertions after everything else
 _LAST_ROUNDS = 4
-_SWEEPS, _LAST_MEAN_SWEEPS = 12, 4
+_SWEEPS, _MEAN_SWEEPS = 12, 4
 #: stages of a search around what is left: by how much an insertion may make a pocket worse at first, and rounds
 _GAINS = ((MIN_GAIN, 2), (1.25, 4), (1.6, 4))
-#: number of the worst tetrahedra in each search: with more, pockets join, and one that is too large is given up.
-#: What the first search leaves is in large pockets, so the later ones take fewer
-_SOUGHT = (200, 60, 60, 25)
+#: number of the worst tetrahedra in each search: with more, pockets join, and one that is too large is given up
+_SOUGHT = 200
 #: a pocket with more bad tetrahedra than this is given up for this series of powers
-_MOST_HOPE = 100
+_MOST_HOPE = 400
 #: two series of powers; neither is always better: at 64, the good tetrahedra of a tight pocket hold the worst back
 _SEARCH_POWERS, _SEARCH_SWEEPS = ((8, 16, 32, 64), (8, 32, 128, 256)), 25
 #: tries: two for all pockets, the rest for the pockets whose boundary a try spoilt
@@ -99,14 +104,11 @@ def reconnected(
     followed = surface if boundary == "slide" else None
     result, counts, held = without_crossing(start, optimise, followed, cell_size=cell_size)
     if insert:
-        result, more, last = _mended_inside(result, tree, threshold)
-        inserted, swaps = inserted + more, swaps + last
-        for most in _SOUGHT:
-            flaws_of = flaws_since(result, followed, cell_size)
-            result, found = searched(result, flaws_of, surface, threshold, boundary, most=most)
-            inserted += found
-            if not (quality(result.points, result.cells) > threshold).any():
-                break
+        result, found, last = _mended_inside(result, tree, threshold)
+        inserted, counts = inserted + found, counts + last
+        result, found = _searched_while_it_helps(result, surface, followed, threshold, boundary, cell_size)
+        inserted += found
+        result, _ = move_vertices(result, tree, _mean_moves(threshold), boundary="fixed")
     total = [sum(values) for values in zip(*counts, *swaps, strict=True)]
     attempts, edges, faces, flips, peeled = map(int, total[:-1])
     count = SwapCount(attempts, edges, faces, flips, peeled, float(total[-1]))
@@ -135,6 +137,28 @@ def _mended_inside(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[
     return mesh, inserted, counts
 
 
+def _searched_while_it_helps(
+    mesh: TetMesh,
+    surface: TriSurface,
+    followed: TriSurface | None,
+    threshold: float,
+    boundary: Boundary,
+    cell_size: float | None,
+) -> tuple[TetMesh, int]:
+    """Search until no tetrahedron is above `threshold`, or a search hardly helps; also return the vertices inserted."""
+    inserted, worst, excess = 0, np.inf, np.inf
+    for number in range(_MOST_SEARCHES):
+        q = quality(mesh.points, mesh.cells)
+        left = float(np.maximum(q - threshold, 0).sum())
+        if q.max() <= _REACHED * threshold or (q.max() > worst - _LEAST_FALL and left > _LEAST_SHARE * excess):
+            break
+        worst, excess = float(q.max()), left
+        flaws_of = flaws_since(mesh, followed, cell_size)
+        mesh, found = searched(mesh, flaws_of, surface, threshold, boundary, widen=number)
+        inserted += found
+    return mesh, inserted
+
+
 def searched(
     mesh: TetMesh,
     flaws_of: Callable[[TetMesh], Flaws],
@@ -142,27 +166,28 @@ def searched(
     threshold: float,
     boundary: Boundary,
     *,
-    most: int,
+    widen: int = 0,
 ) -> tuple[TetMesh, int]:
-    """Continue the search around the worst tetrahedra, `most` at a time, in pockets cut out of the mesh.
+    """Search around the `_SOUGHT` worst tetrahedra, in pockets cut out of the mesh.
 
     Also returns the number of vertices inserted. An insertion may make a pocket worse before it makes it better. If the
     boundary may slide, its edges may be split, too. A pocket whose boundary is spoilt goes back to its earlier state,
-    and is tried again with vertices held.
+    and is tried again with vertices held. What a search leaves, another one would leave again, so later ones `widen`
+    the pockets by that many layers of tetrahedra, and relax them first.
     """
     q = quality(mesh.points, mesh.cells)
-    worst = np.sort(q)[-most - 1 :]
-    threshold = max(threshold, float(worst[0])) if len(worst) > most else threshold
+    worst = np.sort(q)[-_SOUGHT - 1 :]
+    threshold = max(threshold, float(worst[0])) if len(worst) > _SOUGHT else threshold
     bad = q > threshold
     if not bad.any():
         return mesh, 0
     logger.info("%d tetrahedra above q = %g: searching around them", np.count_nonzero(bad), threshold)
-    part = cut_out(mesh, bad)
+    part = cut_out(mesh, bad, rings=RINGS + widen)
     best, held = part.mesh, np.zeros(0, np.int32)
     again = np.ones(len(best.cells), np.bool_)
     for number in range(1, _SEARCHES + 1):
         stiffer = part._replace(rim=np.union1d(part.rim, numbers_in(part, held)).astype(np.int32))
-        tried = better_of_each(best, _best_tries(only(best, again), stiffer, surface, threshold, boundary))
+        tried = better_of_each(best, _best_tries(only(best, again), stiffer, surface, threshold, boundary, widen > 0))
         result = put_back(mesh, part, tried)
         flaws = flaws_of(result)
         crossing = result.points[flaws.met.ravel()]
@@ -177,19 +202,23 @@ def searched(
     return result, len(result.points) - len(mesh.points)
 
 
-def _best_tries(start: TetMesh, part: Part, surface: TriSurface, threshold: float, boundary: Boundary) -> TetMesh:
+def _best_tries(
+    start: TetMesh, part: Part, surface: TriSurface, threshold: float, boundary: Boundary, relax: bool
+) -> TetMesh:
     """The best state of each pocket of a `part`: at the `start`, or after the search with one of the two series."""
     best = start
     for powers in _SEARCH_POWERS:
         aims = [Pass(threshold, power, _SEARCH_SWEEPS) for power in powers]
-        best = better_of_each(best, _best_of_series(start, part, surface, aims, boundary))
+        best = better_of_each(best, _best_of_series(start, part, surface, aims, boundary, relax))
     return best
 
 
-def _best_of_series(start: TetMesh, part: Part, surface: TriSurface, aims: list[Pass], boundary: Boundary) -> TetMesh:
+def _best_of_series(
+    start: TetMesh, part: Part, surface: TriSurface, aims: list[Pass], boundary: Boundary, relax: bool
+) -> TetMesh:
     best = start
     for gain, rounds in _GAINS:
-        trial = best
+        trial = _relaxed(best, part, surface, aims[0].threshold, boundary) if relax else best
         for _ in range(rounds):
             trial = promising(trial, aims[0].threshold, _MOST_HOPE)
             if not len(trial.cells):
@@ -197,6 +226,16 @@ def _best_of_series(start: TetMesh, part: Part, surface: TriSurface, aims: list[
             trial = _tried(trial, part, surface, aims, gain, boundary)
             best = better_of_each(best, trial)
     return best
+
+
+def _relaxed(mesh: TetMesh, part: Part, surface: TriSurface, threshold: float, boundary: Boundary) -> TetMesh:
+    """A `part` after swaps and moves that improve its mean, from which a search finds other ways than from before."""
+    tree, rim = forest(surface), rim_of(part, mesh)
+    rigid = np.full(len(mesh.points), boundary != "slide")
+    rigid[rim] = True
+    mesh, _ = move_vertices(mesh, tree, _mean_moves(1.0), boundary=boundary, held=rim)
+    mesh, _ = _swapped(mesh, tree, min(threshold, _FIRST_SWAPS), rigid)
+    return move_vertices(mesh, tree, _mean_moves(1.0), boundary=boundary, held=rim_of(part, mesh))[0]
 
 
 def _tried(
@@ -237,9 +276,13 @@ def _improved(
         powers = _FIRST_POWERS if number == 1 else _FIRST_POWERS[-1:]
         aims = [Pass(threshold, power, _SWEEPS) for power in powers]
         mesh, _ = move_vertices(mesh, tree, aims, boundary=boundary, held=held)
-    last = [Pass(threshold=0, power=2, sweeps=_LAST_MEAN_SWEEPS, keep=KEPT)]
-    mesh, _ = move_vertices(mesh, tree, last, boundary=boundary, held=held)
+    mesh, _ = move_vertices(mesh, tree, _mean_moves(threshold), boundary=boundary, held=held)
     return mesh, counts
+
+
+def _mean_moves(keep: float) -> list[Pass]:
+    """Moves of all vertices that improve the mean, and take no tetrahedron above `keep`."""
+    return [Pass(threshold=0, power=2, sweeps=_MEAN_SWEEPS, keep=keep)]
 
 
 def _swapped(mesh: TetMesh, tree: SurfaceTree, threshold: float, rigid: NDArray[np.bool_]) -> tuple[TetMesh, SwapCount]:

@@ -79,6 +79,9 @@ def _chosen(
 
 def _changes(before: IntArray, after: IntArray) -> _Changes:
     """The differences between two sets of tetrahedra on the same vertices."""
+    if np.array_equal(before, after):  # where only vertices moved
+        rows, clusters = np.zeros(0, np.int64), np.zeros(0, np.int32)
+        return _Changes(rows, rows, clusters, clusters)
     corners = np.sort(np.concatenate([before, after]), axis=1).astype(np.int64)
     count = int(corners.max(initial=0)) + 1
     first, second = corners[:, 0] * count + corners[:, 1], corners[:, 2] * count + corners[:, 3]

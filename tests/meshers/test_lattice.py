@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from cortet.geometry.orientation import random_rotation
 from cortet.geometry.topology import boundary_faces, enclosed_volume, surface_topology
 from cortet.measure.quality import oriented, signed_volumes
 from cortet.meshers import _lattice as lattice
-from cortet.meshers._lattice import graded_nodes, lattice_nodes, tetrahedralised
+from cortet.meshers._lattice import graded_nodes, tetrahedralised
 from cortet.meshers._nested import remesh_apart, wanted
 from cortet.meshes import TetMesh, TriSurface
 from cortet.stages.generate import generate
@@ -27,7 +28,7 @@ def box(size: float) -> TriSurface:
 
 
 def nodes_in(surface: TriSurface, cell_size: float = 1.0) -> np.ndarray:
-    return lattice_nodes(surface, cell_size=cell_size, core_ratio=1.0, core_depth=1.0)
+    return graded_nodes(surface, np.full(len(surface.points), 1.25), edge_length=1.25, cell_size=cell_size)
 
 
 def test_lines_through_edges_and_corners_cross_the_boundary_once(monkeypatch):
@@ -50,16 +51,44 @@ def test_the_given_triangles_are_the_boundary():
 def test_near_smaller_triangles_the_lattice_is_finer():
     ball = ball_surface(4, radius=8.0)
     size = np.minimum(1.25, 0.5 + 0.3 * np.linalg.norm(ball.points - [8, 0, 0], axis=1))
-    nodes = graded_nodes(ball, size, edge_length=1.25, cell_size=1.0, core_ratio=1.0, core_depth=1.0)
+    nodes = graded_nodes(ball, size, edge_length=1.25, cell_size=1.0)
     apart = KDTree(nodes).query(nodes, k=2)[0][:, 1]
     near = np.linalg.norm(nodes - [8, 0, 0], axis=1) < 1.5
     far = np.linalg.norm(nodes - [8, 0, 0], axis=1) > 4
     assert apart[near].max() < 1.0 and np.median(apart[far]) == pytest.approx(lattice.CONSTANT * np.sqrt(3) / 2)
     tree = surface_tree(ball.points, ball.faces)
     assert np.linalg.norm(nodes, axis=1).max() < 8 and closest_points(tree, nodes).distances.min() > 0.2 * lattice.GAP
-    alike = np.full(len(ball.points), 1.25)
-    plain = graded_nodes(ball, alike, edge_length=1.25, cell_size=1.0, core_ratio=1.0, core_depth=1.0)
-    assert np.array_equal(plain, nodes_in(ball)), "triangles of one size get the lattice alone"
+
+
+def test_towards_a_core_spacing_grows_step_by_step_and_no_two_lattices_meet_too_closely():
+    ball = ball_surface(5, radius=24.0)
+    size, usual = np.full(len(ball.points), 1.25), lattice.CONSTANT * np.sqrt(3) / 2
+    nodes = graded_nodes(ball, size, edge_length=1.25, cell_size=1.0, core_ratio=3.0, core_depth=2.0)
+    depth, apart = 24 - np.linalg.norm(nodes, axis=1), KDTree(nodes).query(nodes, k=2)[0][:, 1]
+    spacings = [np.median(apart[(depth >= start) & (depth < start + 1.5)]) for start in np.arange(0.5, 18, 1.5)]
+    assert spacings[0] == pytest.approx(usual) and spacings[-1] == pytest.approx(3 * usual)
+    assert all(inner < 1.6 * outer for outer, inner in pairwise(spacings)), "one jump by 3 makes bad tetrahedra"
+    assert apart.min() > 0.75 * lattice.APART * 1.2, "nodes of two lattices keep apart"
+
+
+def test_blades_too_thin_for_the_lattice_get_nodes_half_way_between_their_banks():
+    thickness = 1.1  # the lattice keeps half of a cell size from both banks
+    grid = trimesh.creation.box(extents=[16, 16, 16]).subdivide().subdivide().subdivide().subdivide()
+    slab = TriSurface(grid.vertices * [1, 1, thickness / 16], grid.faces)
+    nodes = graded_nodes(slab, np.full(len(slab.points), 1.0), edge_length=1.0, cell_size=0.8)
+    within = np.abs(nodes[:, :2]).max(axis=1) < 6
+    assert np.abs(nodes[within, 2]).max() < 0.1 * thickness, "half-way"
+    middle = np.stack(np.meshgrid(*2 * [np.linspace(-6, 6, 40)]), axis=-1).reshape(-1, 2)
+    assert KDTree(nodes[:, :2]).query(middle)[0].max() < 1.5, "everywhere"
+    layer = graded_nodes(slab, np.full(len(slab.points), 1.0), edge_length=1.0, cell_size=0.8, halve=False)
+    assert len(layer) < len(nodes) / 2
+
+
+def test_a_core_that_is_hardly_coarser_leaves_no_hole():
+    ball = ball_surface(4, radius=8.0)
+    size = np.full(len(ball.points), 1.25)
+    nodes = graded_nodes(ball, size, edge_length=1.25, cell_size=1.0, core_ratio=1.05, core_depth=2.0)
+    assert KDTree(nodes).query(np.zeros(3))[0] < lattice.CONSTANT
 
 
 def test_a_seed_turns_the_lattice_and_another_one_otherwise():

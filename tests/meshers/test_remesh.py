@@ -8,11 +8,13 @@ from shapes import ball_surface, bowl, can, horseshoe, real_surface
 from cortet.errors import StageError
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.intersection import self_intersections
-from cortet.geometry.topology import edges, enclosed_volume, face_areas, surface_topology
+from cortet.geometry.topology import boundary_nodes, edges, enclosed_volume, face_areas, surface_topology
+from cortet.measure.quality import quality
 from cortet.meshers import _remesh
 from cortet.meshers._nested import remesh_apart, wanted
-from cortet.meshers._remesh import Remeshed, remesh, unsound
+from cortet.meshers._remesh import Remeshed, Wanted, coarsened, remesh, unsound
 from cortet.meshes import FloatArray, TriSurface
+from cortet.stages.generate import generate
 
 
 def remeshed(surface: TriSurface, edge_length: float, distance: float = 0.4) -> Remeshed:
@@ -108,3 +110,33 @@ def test_the_sulci_and_blades_of_a_real_brain_are_kept():
     made = remesh_apart(surface, wanted(surface, 1.25, 0.4))[0].surface
     assert not len(self_intersections(made)) and left_behind(surface, made) <= 0.4
     assert len(made.points) < 9000
+
+
+def test_a_surface_much_denser_than_its_cells_is_coarsened_first_and_stays_where_it_was():
+    dense = ball_surface(6, radius=5.0)
+    dense = TriSurface(dense.points, dense.faces, {"height": dense.points[:, 2]})
+    coarse = coarsened(dense, 1.0, 0.3)
+    assert len(coarse.points) < len(dense.points) / 4
+    assert surface_topology(coarse.faces).problems() == [] and not len(unsound(coarse))
+    tree = surface_tree(coarse.points, coarse.faces)
+    assert closest_points(tree, dense.points).distances.max() <= 0.03
+    assert np.abs(coarse.point_data["height"] - coarse.points[:, 2]).max() < 0.1
+    assert coarsened(dense, 0.2, 0.06) is dense, "triangles of about this size stay"
+
+
+def test_where_a_coarse_surface_would_cross_itself_the_given_triangles_stay(monkeypatch):
+    dense = ball_surface(6, radius=5.0)
+    everywhere = Wanted(np.full(len(dense.points), 0.25), np.full(len(dense.points), 0.03))
+    crossing = iter([np.array([0]), np.array([], np.int64)])
+    monkeypatch.setattr(_remesh, "self_intersections", lambda _: next(crossing))
+    free, kept = len(_remesh._collapsed(dense, everywhere).points), coarsened(dense, 1.0, 0.3)
+    assert free < len(kept.points) < len(dense.points) / 4
+
+
+def test_a_dense_surface_gives_the_mesh_of_a_coarser_one_of_its_shape_with_its_boundary_on_the_surface():
+    dense, usual = (ball_surface(level, radius=5.0) for level in (6, 4))
+    meshes = [generate(one, cell_size=0.8)[0] for one in (dense, usual)]
+    q = [quality(one.points, one.cells) for one in meshes]
+    assert q[0].mean() == pytest.approx(q[1].mean(), abs=0.005) and len(q[0]) == pytest.approx(len(q[1]), rel=0.05)
+    on = meshes[0].points[boundary_nodes(meshes[0])]
+    assert closest_points(surface_tree(dense.points, dense.faces), on).distances.max() < 1e-9
