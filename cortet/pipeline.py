@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple, TypedDict, Unpack
 
 from cortet.config import Config, load
@@ -182,13 +183,19 @@ def _certified(
     line: Iterable[Step],
     config: Config,
     progress: Callable[[Step], None],
+    before: Mapping[str, Any] = MappingProxyType({}),
     *,
     cell_size: float,
     native: TriSurface | None = None,
     **of: Any,
 ) -> Meshed:
-    """The mesh at the end of a line with its certificate, which records each stage; `of` goes to `certify`."""
-    parameters, reports = {}, {}
+    """The mesh at the end of a line with its certificate, which records each stage; `of` goes to `certify`.
+
+    Parameters
+    ----------
+    before : reports of stages that ran before the line
+    """
+    parameters, reports = {}, dict(before)
     for step in line:
         progress(step)
         parameters[step.stage], reports[step.stage] = step.parameters, step.report
@@ -219,6 +226,7 @@ def improve(
     cell_size: float,
     source: str | Path | None = None,
     case: str = "",
+    repaired: Mapping[str, Any] | None = None,
     progress: Callable[[Step], None] = lambda _: None,
 ) -> Meshed:
     """Run the stages that follow the mesher on a mesh of any program, and check the result.
@@ -231,6 +239,7 @@ def improve(
     cell_size : mm, of the mesh
     source : file of the surface, whose hash the certificate records
     case : name in the certificate
+    repaired : the report of `repair` on the surface, by stage, if there is one
     progress : called after every stage
     """
     require_programs(config)
@@ -242,7 +251,7 @@ def improve(
     after_transfer = [*MESH_STAGES][2:]
     line = [stage for stage in stages_of(config, nested=bool(surface.inner)) if stage.name in after_transfer]
     steps = _through(line, {"mesh": mesh, "surface": surface}, config, facts, {})
-    return _certified(steps, config, progress, cell_size=cell_size, case=case, source=source)
+    return _certified(steps, config, progress, repaired or {}, cell_size=cell_size, case=case, source=source)
 
 
 class Companions(NamedTuple):

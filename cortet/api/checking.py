@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from cortet.api.files import NO_FILES, filling, known_size
+from cortet.api.files import NO_FILES, filling, known_repair, known_size
 from cortet.api.given import Settings, SurfaceLike, cortex, sections
 from cortet.api.meshing import Mesh
 from cortet.config import load
@@ -65,6 +65,7 @@ def certify(
         case=Path(made).stem if isinstance(made, str | Path) else "",
         source=source,
         parameters={"certify": {**config.certify.values(), "cell_size": size}},
+        reports=known_repair(made, source),
         layers=_layers_of(made),
     )
 

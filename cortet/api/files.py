@@ -28,7 +28,7 @@ from cortet.meshes import REGION, IntArray, TetMesh, TriSurface, region_names
 from cortet.pipeline import Step
 from cortet.pipeline import improve as improved
 from cortet.solver_files import export
-from cortet.solver_files.meshed import Origin, cell_size_of, meshed_surface, parameters_of
+from cortet.solver_files.meshed import Origin, cell_size_of, meshed_surface, parameters_of, repair_of
 from cortet.solver_files.sets import require_same_regions, with_regions
 from cortet.solver_files.sidecar import changed_since, read_sidecar
 from cortet.stages.gate import require_size
@@ -71,7 +71,14 @@ def read(path: str | Path, shape: SurfaceLike | None = None, cell_size: float | 
     config = load({"generate": {"cell_size": size}})
     stages = {} if changed_since(file) else parameters_of(file)
     certificate = certify(
-        mesh, filled, config.certify, cell_size=size, case=file.stem, source=source, parameters=stages
+        mesh,
+        filled,
+        config.certify,
+        cell_size=size,
+        case=file.stem,
+        source=source,
+        parameters=stages,
+        reports=known_repair(file, source),
     )
     return _known(Mesh(mesh, certificate, filled, config=config), file, source)
 
@@ -122,7 +129,16 @@ def improve(
     region = {REGION: mesh.cell_data[REGION]} if REGION in mesh.cell_data else {}
     bare = TetMesh(mesh.points, cells, {}, region)
     case = file.stem if file else ""
-    found = improved(bare, filled, config, cell_size=size, source=source, case=case, progress=teller(progress))
+    found = improved(
+        bare,
+        filled,
+        config,
+        cell_size=size,
+        source=source,
+        case=case,
+        repaired=known_repair(made, source),
+        progress=teller(progress),
+    )
     return _known(Mesh(*found, config=config), made if isinstance(made, TetMesh | Mesh) else Path(made), source)
 
 
@@ -183,7 +199,8 @@ def filling(
     if inner and not isinstance(made, str | Path):
         filled = nested(filled, {**filled.inner, **{name: read_surface(file) for name, file in inner.items()}})
     file = Path(made) if isinstance(made, str | Path) else None
-    in_mm = config.gate.unit == "mm" or isinstance(made, Mesh) or (file is not None and bool(read_sidecar(file)))
+    of_cortet = file is not None and bool(read_sidecar(file)) and not changed_since(file)
+    in_mm = config.gate.unit == "mm" or isinstance(made, Mesh) or of_cortet
     for one, source in ((mesh, file), (filled, named)):
         require_size(one, file=source, stated=in_mm, convert="give mesh and surface in mm")
     _require_one_place(mesh, filled, file)
@@ -230,6 +247,20 @@ def _known(found: Mesh, made: TetMesh | Mesh | Path, source: Path | None) -> Mes
         if region in stored and input_sha256(file) == stored[region]["sha256"]
     }
     return replace(found, origin=origin, native=native, inputs=(made, *([source] if source else [])))
+
+
+def known_repair(made: TetMesh | Mesh | str | Path, source: Path | None) -> dict[str, Any]:
+    """The report of `repair` on the surface that a mesh fills, by stage, as far as that is known.
+
+    Parameters
+    ----------
+    source : file of the surface
+    """
+    if isinstance(made, Mesh):
+        found = made.certificate.reports.get("repair") if source is None else None
+    else:
+        found = repair_of(Path(made), source) if isinstance(made, str | Path) else None
+    return {"repair": found} if found else {}
 
 
 def known_size(made: TetMesh | Mesh | str | Path) -> float | None:

@@ -32,13 +32,14 @@ from cortet.errors import InputError
 from cortet.formats import format_of, read_mesh
 from cortet.formats.atomic import recorded
 from cortet.formats.gifti import hemisphere_of, kind_of
-from cortet.formats.ownership import delete_made, guarded, is_ours, may_write
+from cortet.formats.ownership import delete_made, guarded, is_ours, json_of, may_write
 from cortet.formats.placement import placed
 from cortet.formats.set_arrays import with_sets
 from cortet.formats.tables import names, write_table
 from cortet.formats.tags import regions
 from cortet.formats.volumes import TISSUE_COLUMNS, Volume
 from cortet.geometry.interpolation import applied
+from cortet.geometry.kernel_cache import require_threads
 from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested, sheets
 from cortet.measure.certify import Certificate, with_remarks
@@ -50,7 +51,14 @@ from cortet.solver_files.export import export_made
 from cortet.solver_files.export import with_sets as with_named_sets
 from cortet.solver_files.fields import require_finite, with_fields, with_q, without_q
 from cortet.solver_files.laminar import Laminar
-from cortet.solver_files.meshed import Origin, certificate_path, require_own_stem, uncertified_path, write_meshed
+from cortet.solver_files.meshed import (
+    Origin,
+    certificate_path,
+    refuse_uncertified_name,
+    require_own_stem,
+    uncertified_path,
+    write_meshed,
+)
 from cortet.solver_files.sidecar import CHANGED, changed_since, sidecar_path
 from cortet.solver_files.surface_map import SurfaceMap, surface_map
 from cortet.solver_files.volumes import backgrounds, label_names, read_volumes, with_volumes
@@ -213,6 +221,7 @@ class Mesh:
         ----------
         region : inside the surface; None: the outermost one that was given
         """
+        require_threads()
         name = next(iter(self.native), "") if region is None else region
         if name not in self.native:
             what = f"the mesh has no surface {name!r}" if self.native else "the surface of the mesh is not known"
@@ -326,6 +335,9 @@ class Mesh:
         """
         path = Path(path)
         format_of(path)
+        require_threads()
+        if self.certified:
+            refuse_uncertified_name(path)
         uncertified = uncertified or self.config.export.uncertified
         written = path if self.certified else uncertified_path(path)
         if not self.certified and not uncertified:
@@ -532,8 +544,8 @@ def write_files(
         if beside.tissues:
             write_table(TISSUE_COLUMNS, made.tissue_rows, place(beside.tissues))
         views(place)
-    if made.certified:
-        failed = uncertified_path(path)
+    failed = uncertified_path(path)
+    if made.certified and json_of(certificate_path(failed)).get("certified") is False and not changed_since(failed):
         for record in filter(is_ours, (sidecar_path(failed), certificate_path(failed))):
             delete_made(record)
     return told

@@ -114,17 +114,23 @@ def cite(file: MeshFile, folds: Sequence[Path] = (), /, *, _: Common = Common())
     --------
     cortet cite lh.vtu folded
     """
+    from cortet.api.meshing import tetrahedra
+    from cortet.cohort.status import certificate_of
     from cortet.folding.sentences import fold_sentences, verdict_of_fold
+    from cortet.formats.hashing import mesh_sha256
     from cortet.report.methods import bibliography, methods_of_mesh, with_citations
-    from cortet.solver_files.meshed import certificate_beside
+    from cortet.solver_files.meshed import certificate_file
     from cortet.solver_files.sidecar import read_sidecar
 
-    certificate, origin = certificate_beside(file), read_sidecar(file).get("made_from") or {}
-    if not certificate:
-        raise InputError("has no certificate next to it", file=file, remedy="name a mesh that `cortet mesh` wrote")
+    certificate, origin = certificate_of(certificate_file(file)), read_sidecar(file).get("made_from") or {}
+    if "verdict" not in certificate or certificate["mesh_sha256"] != mesh_sha256(tetrahedra(file)):
+        what = "has no certificate next to it, or that of another mesh, of an earlier version, or one that was edited"
+        raise InputError(what, file=file, remedy="name a mesh that `cortet mesh` wrote, or mesh the surface again")
     verdicts = {folder: verdict_of_fold(folder) for folder in folds}
-    if folder := next((folder for folder, verdict in verdicts.items() if not verdict), None):
-        raise InputError("holds no finished fold", file=folder, remedy="name a folder that `cortet fold` wrote")
+    for folder, verdict in verdicts.items():
+        if verdict.get("tets") != certificate["quality"]["tets"]:
+            what = f"holds no finished fold of {file.name} by this version of cortet"
+            raise InputError(what, file=folder, remedy="fold the mesh again, or name another folder")
     age, hemi = origin.get("gestational_age"), origin.get("hemisphere")
     folded = fold_sentences({folder.name: verdict for folder, verdict in verdicts.items()})
     paragraph = methods_of_mesh(certificate, age, hemi, folded)

@@ -134,12 +134,13 @@ def mesh(
     from cortet.formats.volumes import TISSUE_COLUMNS
     from cortet.meshes import by_region
     from cortet.pipeline import companions
-    from cortet.solver_files.meshed import require_own_stem, uncertified_path
+    from cortet.solver_files.meshed import refuse_uncertified_name, require_own_stem, uncertified_path
     from cortet.solver_files.sidecar import sidecar_path
 
     if views.slices and not volume:
         raise UsageError("--slices needs a volume", remedy="give one: --volume NAME=FILE")
     # a file that cannot be written is refused before the work
+    refuse_uncertified_name(output)
     settings = configured.settings(size, layers)
     cell_size = load(settings).generate.cell_size[0]
     format_of(output)
@@ -198,8 +199,10 @@ def improve(
     """
     from cortet.formats import read_mesh
     from cortet.measure.quality import summarise
+    from cortet.solver_files.meshed import refuse_uncertified_name
 
     format_of(output)
+    refuse_uncertified_name(output)
     before = summarise(read_mesh(file))
     made = cortet.improve(file, surface, configured.cell_size, settings=configured.settings())
     now = made.certificate.quality

@@ -206,6 +206,7 @@ def layers(
     from cortet.formats.gifti import write_surface
     from cortet.geometry.closest_point import closest_points, tree_of
     from cortet.geometry.intersection import self_intersections
+    from cortet.geometry.topology import enclosed_volume
     from cortet.measure.layers import bounds_of
 
     depths = bounds_of(layers).tolist()[1:-1]
@@ -216,6 +217,9 @@ def layers(
     for file in (output, *files):
         may_write(file)
     inside, outside = cortex(white), cortex(pial)
+    if enclosed_volume(inside.points, inside.faces) > enclosed_volume(outside.points, outside.faces):
+        white, pial, inside, outside = pial, white, outside, inside
+        print(f"{white} is the smaller surface, so cortet takes it as the inner one")
     if cell_size is None:
         across = closest_points(tree_of(outside), inside.points).distances
         cell_size = round(statistics.median(across.tolist()) / 2, 2)

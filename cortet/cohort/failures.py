@@ -31,7 +31,7 @@ ORDER = (
 _AFTER_A_KILL = "give the job more memory or time, and run again"
 #: why a mesh is unfinished although its case has one
 _OTHER_SIZE = "its mesh has a different cell size or mesher than requested"
-_OTHER = "its mesh was made with other settings or from another surface"
+_OTHER = "its mesh was made with other settings, from another surface, or by another version of cortet"
 _DAMAGED = "its certificate is damaged, edited, or from another version of cortet"
 
 

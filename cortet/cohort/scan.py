@@ -22,6 +22,8 @@ _OWN_SPACES = {
     *("t1w", "t2w", "flair", "dwi", "bold", "anat", "orig"),
     *("native", "individual", "scanner", "fsnative", "fslr"),
 }
+#: between the session and the base in the name of a folder of FreeSurfer's longitudinal stream
+_LONGITUDINAL = ".long."
 #: most files that a remark names
 _MOST_NAMES = 5
 #: participant, session and hemisphere
@@ -109,8 +111,15 @@ def _candidates(
     """The files of each participant, session and hemisphere that fit patterns, each with the number of its pattern."""
     found: dict[_Key, list[tuple[int, Path]]] = {}
     folders: dict[str, str] = {}
+    # FreeSurfer's longitudinal stream: the base of a subject is an average over its sessions, and no session
+    bases = sorted({path.name.partition(_LONGITUDINAL)[2] for path in directory.glob(f"*{_LONGITUDINAL}*")})
+    bases = [name for name in bases if (directory / name).is_dir()]
+    if bases:
+        say(f"longitudinal bases are left out, since they average over sessions: {', '.join(bases[:_MOST_NAMES])}")
     for number, pattern in enumerate(surfaces):
         for path, values in _matches(directory, pattern):
+            if path.relative_to(directory).parts[0] in bases:
+                continue
             hemi = values.get("hemi")
             if hemi is None or hemi.lower() in HEMISPHERES:
                 participant = _label(values["participant"], folders, directory, say)

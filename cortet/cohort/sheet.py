@@ -166,6 +166,8 @@ def _check_header(header: Sequence[str], path: Path) -> None:
     remedy = "the first line must name, separated by tabs: " + ", ".join(COLUMNS)
     if absent := [name for name in COLUMNS if name not in header]:
         raise InputError(f"line 1: no column {', '.join(absent)}", file=path, remedy=remedy)
+    if "" in header:
+        raise InputError(f"line 1: column {header.index('') + 1} has no name", file=path, remedy=remedy)
     if len(set(header)) < len(header):
         raise InputError("line 1: two columns have the same name", file=path, remedy=remedy)
     if {INNER, INNER_PREFIX + WHITE} <= {*header}:

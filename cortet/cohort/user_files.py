@@ -12,13 +12,13 @@ from typing import Any
 
 from cortet.errors import InputError, StageError
 from cortet.formats.hashing import companions, input_sha256
-from cortet.formats.untrusted import ELSEWHERE, content_is_elsewhere
+from cortet.formats.untrusted import content_is_elsewhere, elsewhere
 
 
 def missing_surface(source: object, *, column: str) -> InputError:
     """The error for a surface that is missing; `column` of the sheet names it."""
     if content_is_elsewhere(str(source)):
-        return InputError(ELSEWHERE, file=source, remedy=f"datalad get {source}")
+        return elsewhere(str(source))
     if Path(str(source)).exists():
         return InputError("is not a file", file=source, remedy=f"correct the column {column} of the cohort sheet")
     return InputError("no such file", file=source, remedy=f"correct the column {column} of the cohort sheet")

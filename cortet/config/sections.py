@@ -40,6 +40,7 @@ class Scan(Section):
         "sub-{participant}/anat/sub-{participant}{entities}_wm.surf.gii",
         "sub-{participant}/anat/sub-{participant}{entities}_white.surf.gii",
         "sub-{participant}/anat/sub-{participant}{entities}_smoothwm.surf.gii",
+        "sub-{participant}_ses-{session}.long.sub-{participant}/surf/{hemi}.white",
         "sub-{participant}/surf/{hemi}.white",
         "sub-{participant}_ses-{session}/surf/{hemi}.white",
         "sub-{participant}/ses-{session}/surf/{hemi}.white",

@@ -22,7 +22,7 @@ from cortet.formats.hashing import sha256
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.geometry.topology import boundary, components, face_areas, face_normals
 from cortet.measure.quality import signed_volumes
-from cortet.measure.usual_size import unusual_volume
+from cortet.measure.usual_size import UNUSUAL_TIMES, unusual_volume
 from cortet.meshes import AROUND, FloatArray, TetMesh, require_measurable
 from cortet.solver_files.sidecar import read_sidecar
 
@@ -113,11 +113,11 @@ def check_cells(run: Run, settings: Settings) -> list[str]:
 
 
 def _of_size(mesh: TetMesh, settings: Settings) -> list[str]:
-    """A doubt about a forced fold whose volume is unusual at its age.
+    """A doubt about a volume that is unusual at its age.
 
     Raises
     ------
-    InputError : the length is not that of a brain in mm, or the volume is unusual, and the fold is not forced
+    InputError : the length is not that of a brain in mm, or the volume is that of no brain, and nothing is forced
     """
     extents = np.ptp(mesh.points, axis=0).tolist()
     longest = max(extents)
@@ -133,15 +133,13 @@ def _of_size(mesh: TetMesh, settings: Settings) -> list[str]:
             remedy="give a mesh in mm",
         )
     volume, age = float(signed_volumes(mesh.points, mesh.cells).sum()) / 1000, settings.gestational_age
-    unusual = unusual_volume(volume, extents, age, settings.hemisphere, times=_TIMES)
-    if not unusual:
-        return []
-    doubt = f"the mesh has {unusual}"
-    if settings.force:
-        return [doubt]
-    raise InputError(
-        doubt, remedy="give the age of this brain, and a mesh in mm; for other species set fold.force or add --force"
-    )
+    if not settings.force and (refused := unusual_volume(volume, extents, age, settings.hemisphere, times=_TIMES)):
+        raise InputError(
+            f"the mesh has {refused}",
+            remedy="give the age of this brain, and a mesh in mm; for other species set fold.force or add --force",
+        )
+    unusual = unusual_volume(volume, extents, age, settings.hemisphere, times=UNUSUAL_TIMES)
+    return [f"the mesh has {unusual}"] if unusual else []
 
 
 def _side(mesh: TetMesh, hemisphere: str) -> list[str]:

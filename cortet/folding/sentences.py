@@ -48,12 +48,14 @@ def _grown(model: str, changed: str, verdicts: list[Mapping[str, Any]]) -> str:
     """How folds of the same settings were made, and what came out."""
     index = [one["gyrification_index_last"] for one in verdicts]
     distorted = max(one["distorted_share"] for one in verdicts)
+    start = _range(one["settings"]["gestational_age"] for one in verdicts)
+    end = _range(one["gestational_age"] for one in verdicts)
     was = "was" if len(verdicts) == 1 else "were"
     return (
-        f"{counted(len(verdicts), 'mesh')} {was} folded by growth of the cortex (model {model}, "
-        f"{changed or 'default settings'}) from {_range(one['settings']['gestational_age'] for one in verdicts)} to "
-        f"{_range(one['gestational_age'] for one in verdicts)} weeks of gestational age. At the end the gyrification "
-        f"index was {_range(index, '.3f')}; at most {distorted:.1%} of the deformed tetrahedra had a q above 0.6."
+        f"{counted(len(verdicts), 'fold')} by growth of the cortex (model {model}, {changed or 'default settings'}) "
+        f"{was} simulated, from a gestational age of {start} weeks until one of {end} weeks. At the end the "
+        f"gyrification index was {_range(index, '.3f')}; at most {distorted:.1%} of the deformed tetrahedra had a q "
+        "above 0.6."
     )
 
 

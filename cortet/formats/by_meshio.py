@@ -46,8 +46,24 @@ _UNREAD = re.compile(
     _LINES,
 )
 #: lines of which a file may have one: more are several parts, or nodes that take the place of earlier ones
-_ONCE = (rb"^\*NODE\s*(?:,|\r?$)", rb"^\*PART\b", rb"^\*INSTANCE\b")
+_ONCE = {
+    rb"^\*NODE\s*(?:,|\r?$)": "a second block *NODE",
+    rb"^\*PART\b": "a second *PART",
+    rb"^\*INSTANCE\b": "a second *INSTANCE",
+}
 _BY_VTK = "import sys, pyvista; pyvista.read(sys.argv[1]).save(sys.argv[2])"
+#: writes a file of Gmsh anew, in the version and without the partitions and entities that meshio cannot read
+_BY_GMSH = """import sys, gmsh
+gmsh.initialize()
+gmsh.option.setNumber("General.Terminal", 0)
+gmsh.open(sys.argv[1])
+gmsh.model.mesh.unpartition()
+gmsh.option.setNumber("Mesh.SaveAll", not gmsh.model.getPhysicalGroups(3))
+gmsh.option.setNumber("Mesh.MshFileVersion", 2.2)
+gmsh.write(sys.argv[2])
+"""
+#: names of groups of Gmsh: dimension, number and name
+_GROUPS = re.compile(rb'^\s*([0-3])\s+(\d+)\s+"([^"\n]*)"\s*$', re.MULTILINE)
 #: names of regions in comments of cortet: Nastran, Abaqus
 _NAMED = re.compile(rb"^(?:\$ property|\*\* region) (\d{1,8}): (\S.*?)\s*$", re.MULTILINE)
 #: lines that meshio takes for the end of a block
@@ -124,7 +140,7 @@ def _of_all_types(file: Path) -> Any:
 def _read_abaqus(path: Path) -> Any:
     text = content(path)
     strange = [found[0].split(b"\n")[0].decode("ascii", "replace") for found in _UNREAD.finditer(text)]
-    strange += [line.decode().strip("^\\b") for line in _ONCE if len(re.findall(line, text, _LINES)) > 1]
+    strange += [words for line, words in _ONCE.items() if len(re.findall(line, text, _LINES)) > 1]
     of_blocks = re.findall(rb"^\*ELEMENT\b[^\n]*ELSET\s*=\s*([^,\s]+)", text, _LINES)
     if strange or len({*of_blocks}) < len(of_blocks):
         raise ValueError(
@@ -147,10 +163,23 @@ def _read_nastran(path: Path) -> Any:
 
 
 def _read_gmsh(path: Path) -> Any:
+    """What meshio finds in a file of Gmsh, written anew by Gmsh where meshio cannot read it."""
     text, count = _FIELDS.subn(b"", content(path))
     if count:
         logger.warning("%s: Gmsh views are not read", path)
-    return _read_changed(text, path, meshio.gmsh.read)
+    of_volumes = [name for dimension, _, name in _GROUPS.findall(text) if dimension == b"3"]
+    if twice := next((name for name in of_volumes if of_volumes.count(name) > 1), None):
+        what = f"two physical volumes have the name {twice.decode('utf-8', 'replace')!r}"
+        raise InputError(what, file=path, remedy="in Gmsh, give each physical group its own name")
+    try:
+        return _read_changed(text, path, meshio.gmsh.read)
+    except Exception:  # of what Gmsh writes, meshio reads a part
+        with TemporaryDirectory(prefix="cortet-gmsh-") as folder:
+            again = Path(folder) / path.name
+            done = child.run([sys.executable, "-c", _BY_GMSH, str(path.absolute()), str(again)])
+            if done.returncode or not again.exists():
+                raise ValueError((done.stderr.strip().splitlines() or ["Gmsh cannot read it"])[-1]) from None
+            return _read_changed(_FIELDS.sub(b"", content(again)), path, meshio.gmsh.read)
 
 
 def _read_xdmf(path: Path) -> Any:

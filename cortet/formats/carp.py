@@ -11,6 +11,8 @@ scalars `<field>_1` to `<field>_k`.
 from __future__ import annotations
 
 import io
+import logging
+import re
 from contextlib import ExitStack
 from pathlib import Path
 from typing import IO, Any, Literal
@@ -18,11 +20,14 @@ from typing import IO, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cortet.errors import InputError
 from cortet.formats.atomic import atomic_path
 from cortet.formats.tags import region_numbers, regions, with_names
 from cortet.formats.untrusted import by_library, content, sound
 from cortet.formats.values import in_32_bits, in_components, write_rows
 from cortet.meshes import REGION, MeshSets, TetMesh
+
+logger = logging.getLogger(__name__)
 
 Unit = Literal["mm", "um"]
 _PER_MM = {"mm": 1.0, "um": 1000.0}
@@ -83,7 +88,10 @@ def read(path: str | Path, *, unit: str = "um") -> TetMesh:
     elements = _rows(_beside(path, ".elem"), 5, np.int64, kind=b"Tt ")
     of_cells = {REGION: in_32_bits(elements[:, 4], "the region of an element", path)}
     if (lon := _beside(path, ".lon")).exists():
-        of_cells["fibre"] = _rows(lon, 3, float, headed=False)
+        directions = 2 if content(lon).split(None, 1)[:1] == [b"2"] else 1
+        if directions == 2:
+            logger.warning("%s: of fibre and sheet directions, only those of fibres are read", lon)
+        of_cells["fibre"] = _rows(lon, 3 * directions, float, headed=False)[:, :3]
     names = {}
     if (table := _beside(path, _NAMES)).exists():
         with by_library("a table of names", table):
@@ -96,6 +104,9 @@ def read(path: str | Path, *, unit: str = "um") -> TetMesh:
 def _rows(path: Path, columns: int, dtype: Any, *, kind: bytes = b"", headed: bool = True) -> NDArray[Any]:
     """The rows of a text, each beginning with `kind`; the first line holds their number if `headed`."""
     head, _, body = content(path).partition(b"\n")
+    if kind and (other := re.search(rb"^[ \t]*(?!%b)([A-Za-z]\w*)" % kind, body, re.MULTILINE)):
+        what = f"has elements of type {other[1].decode()}, but cortet reads tetrahedra (Tt) alone"
+        raise InputError(what, file=path, remedy="extract the tetrahedra, for example with meshtool")
     with by_library("a complete CARP element file", path):
         rows = np.loadtxt(io.BytesIO(body.replace(kind, b"")), dtype, ndmin=2)
         if rows.shape != (int(head) if headed else len(rows), columns):

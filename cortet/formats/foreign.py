@@ -22,6 +22,7 @@ _HEAD = 1 << 16
 _NUMBERS = re.compile(rb"\s*[-+.\d]+([eE][-+]?\d+)?[ \t]*\r?\n")
 #: first bytes of files that are not read, and what to do; a remedy, if there is one, follows in brackets
 _NAMES = {
+    b"#!ascii label": "a FreeSurfer label, a list of vertices",
     b"#!ascii": "a FreeSurfer surface in text (convert it: mris_convert)",
     b"version https://git-lfs": "a pointer of Git LFS (git lfs pull)",
     b"/annex/objects": "a pointer of git-annex (datalad get)",
@@ -30,8 +31,11 @@ _NAMES = {
     b"<html": "a web page (download the file again)",
     b"# vtk DataFile": "a VTK file (convert it to PLY: ParaView, or pyvista.read(FILE).save(PLY))",
     b"<VTKFile": "a VTK file (convert it to PLY: ParaView, or pyvista.read(FILE).save(PLY))",
+    b"XSym\n": "a link that a file system of Windows stores as text (copy the file to which it led)",
     b"P ": "a surface of MNI (convert it with AFNI: ConvertSurface -i_mni FILE -o_gii GII)",
     b"\x5c\x01\x00\x00": "a NIfTI image",
+    b"\x1c\x02\x00\x00": "a CIFTI file or a NIfTI image (wb_command -cifti-separate extracts the values of a surface)",
+    b"\x00\x00\x00\x01": "an image (MGH, MGZ)",
 }
 
 

@@ -270,6 +270,10 @@ def _geometry(image: Any, intent: int, path: str | Path) -> Any:
     found = [array for array in image.darrays if array.intent == intent]
     if len(found) != 1 or found[0].data.ndim != 2 or found[0].data.shape[1] != 3 or not len(found[0].data):
         intended = intent_codes.niistring[intent]
+        if not found and image.darrays:
+            kinds = ", ".join(dict.fromkeys(str(intent_codes.niistring[one.intent]) for one in image.darrays))
+            what = f"holds values ({kinds}) without a surface"
+            raise InputError(what, file=path, remedy="name the surface to which they belong")
         what = f"needs one {intended} array of shape (n, 3), but has {[one.data.shape for one in found]}"
         raise DamagedFileError(what, file=path)
     return found[0]

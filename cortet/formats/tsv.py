@@ -52,6 +52,9 @@ def read_uneven_tsv(path: Path) -> tuple[pd.DataFrame, dict[int, str]]:
 
     lines = _lines(path)
     header, *rows = ([cell.strip() for cell in text.split("\t")] for _, text in lines)
+    while header and not header[-1] and not any("".join(row[len(header) - 1 :]) for row in rows):
+        header.pop()  # columns without name and values, as spreadsheets leave them
+        rows = [row[: len(header)] for row in rows]
     width = len(header)
     wrong = {
         number: f"all columns: {len(row)} values for {width} columns "

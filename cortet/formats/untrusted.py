@@ -41,10 +41,20 @@ def content_is_elsewhere(path: str | Path) -> bool:
     return Path(path).is_symlink() and not Path(path).exists()
 
 
+def elsewhere(path: str | Path) -> InputError:
+    """The error for a link to what is not here."""
+    target = Path(path).readlink()
+    if "annex" in target.parts or ".git" in target.parts:
+        return InputError(ELSEWHERE, file=path, remedy=f"datalad get {path}")
+    return InputError(
+        f"is a link to {target}, which is missing", file=path, remedy="restore that file, or name another"
+    )
+
+
 def check_file(path: str | Path) -> None:
     """Raise InputError unless a regular file is there; an input must not become an output."""
     if content_is_elsewhere(path):
-        raise InputError(ELSEWHERE, file=path, remedy=f"datalad get {path}")
+        raise elsewhere(path)
     if not Path(path).is_file():
         what = "is not a file" if Path(path).exists() else "cannot be read: No such file or directory"
         raise InputError(what, file=path, remedy=_READABLE)

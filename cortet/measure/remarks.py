@@ -8,7 +8,7 @@ from typing import Any
 from cortet.geometry.limits import CELL_SIZE_MM
 from cortet.measure.layers import LayerRecord
 from cortet.measure.regions import RegionRecord
-from cortet.measure.verdict import share_in_words, surfaces_of
+from cortet.measure.verdict import changed_share, share_in_words, surfaces_of
 from cortet.meshes import OUTERMOST
 
 #: a repair is worth a remark from this change of volume on, and from this share of new triangles in the area; a surface
@@ -51,11 +51,11 @@ def remarks(
 def _repairs(report: Mapping[str, Any]) -> Iterator[str]:
     for name, one in surfaces_of(report).items():
         named, change = name or "the surface", one["relative_volume_change"]
-        share = one["new_area_mm2"] / one["area_mm2"]
+        share = changed_share(one)
         if share >= _NEW:
-            bulge = one["bulge_ml"]
             yield (
-                f"repair made {share_in_words(share)} of {named}; its caps enclose {bulge:+.2g} mL more than flat caps"
+                f"repair made or dropped {share_in_words(share)} of {named}; between its caps on holes and flat caps "
+                f"are {one['bulge_ml']:.2g} mL"
             )
         if abs(change) >= _REPAIRED:
             yield f"repair changed the volume of {named} by {change:+.1%}"

@@ -17,8 +17,11 @@ AREA = (401.3, 0.0758, 31.97)
 HULL = (190.4, 0.1075, 28.46)
 #: volume within the pial surface over that within the inner one: 1.20 to 1.22 in 8 pairs of 28 to 42 weeks
 _PIAL = 1.22
-#: weeks for which the law of the volume says something
-_AGES = (20.0, 45.0)
+#: weeks for which the law of the volume holds, and part by which infants grow beyond it in each later week
+_AGES, _LATER = (20.0, 45.0), 0.1
+#: factor from the usual volume at an age beyond which a surface gets a remark. Healthy brains of one age differ by a
+#: third at most; the volume doubles from 22 to 26 weeks
+UNUSUAL_TIMES = 1.5
 #: smallest over largest extent of a body below which it is half a brain: halves have 0.36 to 0.53, whole brains 0.65
 #: and more
 _NARROW = 0.6
@@ -39,15 +42,15 @@ def unusual_volume(
     ----------
     volume_ml : within the inner cortical or the pial surface
     extents : of the surface along three axes, mm: half a brain is narrow
-    age : gestational age, weeks; at others than 20 to 45 no volume is unusual
+    age : gestational age, weeks
     hemisphere : L or R; None: a whole brain, or not known
     times : factor from the usual volume beyond which one is unusual
     """
-    if not _AGES[0] <= age <= _AGES[1]:
-        return ""
-    inner = float(usual(VOLUME, np.array(age)))
+    known = float(np.clip(age, *_AGES))
+    inner = float(usual(VOLUME, np.array(known))) * (1 + _LATER * max(age - known, 0))
+    least = 0 if age < known else inner / (times * (1 + _LATER * max(age - known, 0)))
     is_half = hemisphere is not None or min(extents) < _NARROW * max(extents)
-    if inner / times <= volume_ml <= inner * _PIAL * times * (1 if is_half else 2):
+    if least <= volume_ml <= inner * _PIAL * times * (1 if is_half else 2):
         return ""
     return (
         f"{volume_ml:.3g} mL, but a hemisphere of {age:g} weeks usually has {inner:.0f} mL inside its white surface "

@@ -20,12 +20,19 @@ def surfaces_of(report: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     report : of `repair`, with those of inner surfaces under `inner`; empty if the stage did not run
     """
     every = {"": report, **report.get("inner", {})}
-    return {name: one for name, one in every.items() if one.get("repaired")}
+    # reports of earlier versions lack what repair made
+    return {name: one for name, one in every.items() if one.get("repaired") and "new_area_mm2" in one}
 
 
 def repaired_share(report: Mapping[str, Any]) -> float:
-    """Largest fraction of the area of a surface that repair made, of all surfaces of a mesh."""
-    return max((one["new_area_mm2"] / one["area_mm2"] for one in surfaces_of(report).values()), default=0.0)
+    """Largest fraction of the area of a surface that repair made or dropped, of all surfaces of a mesh."""
+    return max((changed_share(one) for one in surfaces_of(report).values()), default=0.0)
+
+
+def changed_share(one: Mapping[str, Any]) -> float:
+    """Fraction of the area of a surface that repair made, or dropped as separate pieces."""
+    share: float = (one["new_area_mm2"] + one["dropped_area_mm2"]) / one["area_mm2"]
+    return share
 
 
 def bulging_share(report: Mapping[str, Any]) -> float:

@@ -181,15 +181,16 @@ def _outcome(certificates: Sequence[Certificate]) -> list[str]:
     worst = [content["quality"]["q"]["max"] for content in certificates]
     limit = limit_of(certificates[0], "worst_q")
     certified = sum(content["certified"] for content in certificates)
+    also = "" if any(content.get("relaxed") for content in certificates) else "and the position "
     values = sorted({f"{one:.3f}" for one in worst})
     sentences = [
         "Quality was measured as q = 1 - √2 · 6V / l³ (V volume, l root mean square edge length; 0 for a regular "
         f"tetrahedron, 1 for a flat one). Of {counted(len(certificates), 'mesh')}, {certified} had a worst q below "
-        f"{limit:g}, positive volumes and a boundary with the topology and the position of the surface (certified); "
+        f"{limit:g}, positive volumes and a boundary with the topology {also}of the surface (certified); "
         f"the worst q was {' to '.join([values[0], *values[1:][-1:]])}."
     ]
     if relaxed := sorted({content["relaxed"] for content in certificates if content.get("relaxed")}):
-        sentences.append(f"Limits were weaker than the defaults of cortet: {'; or '.join(relaxed)}.")
+        sentences.append(f"Limits were weaker than the defaults of cortet ({'; or '.join(relaxed)}).")
     if refused := [content for content in certificates if not content["certified"]]:
         reasons = "; ".join(f"{content['case']} ({findings(content)})" for content in refused)
         sentences.append(f"Not certified: {reasons}.")

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from cortet.measure.verdict import share_in_words, surfaces_of
+from cortet.measure.verdict import changed_share, share_in_words, surfaces_of
 from cortet.meshers import MESHERS
 from cortet.report.numbers import Certificate
 
@@ -62,11 +62,9 @@ def _repaired(certificates: Sequence[Certificate]) -> str:
     for case, report in reports.items():
         for region, one in surfaces_of(report).items():
             steps = [f"{step['count']:,} {step['done']}" for step in one["steps"]]
-            share = share_in_words(one["new_area_mm2"] / one["area_mm2"])
-            told.append(
-                f"{case}{f' {region}' if region else ''} ({', '.join([*steps, f'{share} of its area is new'])})"
-            )
-    return f"Of these surfaces, {len(told)} had been repaired: {'; '.join(told)}." if told else ""
+            changed = f"{share_in_words(changed_share(one))} of its area made or dropped"
+            told.append(f"{case}{f' {region}' if region else ''} ({', '.join([*steps, changed])})")
+    return f"{counted(len(told), 'surface')} had been repaired: {'; '.join(told)}." if told else ""
 
 
 def _smoothed(certificates: Sequence[Certificate]) -> str:

@@ -62,6 +62,13 @@ def uncertified_path(mesh: Path) -> Path:
     return mesh if is_named_uncertified(mesh) else mesh.with_name(f"{mesh.stem}{UNCERTIFIED}{mesh.suffix}")
 
 
+def refuse_uncertified_name(mesh: Path) -> None:
+    """Raise InputError for a mesh that is to be certified and whose name would say that it is not."""
+    if is_named_uncertified(mesh):
+        what = f"ends with {UNCERTIFIED}, by which cortet names meshes that are not certified"
+        raise InputError(what, file=mesh, remedy="give another name")
+
+
 def is_named_uncertified(mesh: Path) -> bool:
     """Whether the name of a mesh says that it is not certified."""
     return mesh.stem.endswith(UNCERTIFIED)
@@ -90,10 +97,31 @@ def parameters_of(mesh: Path) -> dict[str, Any]:
     return found
 
 
-def certificate_beside(mesh: Path) -> dict[str, Any]:
-    """Content of the certificate beside a mesh, of a command or of the workflow; empty without one."""
+def certificate_file(mesh: Path) -> Path:
+    """The certificate beside a mesh, of a command or of the workflow, whether it exists or not."""
     of_workflow = mesh.with_name(f"{mesh.stem.removesuffix('_tetmesh').removesuffix('_sets')}_certificate.json")
-    return json_of(certificate_path(mesh)) or json_of(of_workflow)
+    return of_workflow if of_workflow.exists() else certificate_path(mesh)
+
+
+def certificate_beside(mesh: Path) -> dict[str, Any]:
+    """Content of `certificate_file`; empty without one."""
+    return json_of(certificate_file(mesh))
+
+
+def repair_of(mesh: Path, surface: Path | None) -> dict[str, Any]:
+    """The report of `repair` on the surface that a mesh is checked against; empty if it was not the one meshed.
+
+    Parameters
+    ----------
+    surface : file of the surface, from `meshed_surface`
+    """
+    recorded = (read_sidecar(mesh).get("made_from") or {}).get("meshed") or {}
+    meshed = [(mesh.parent / one["file"]).resolve() for one in recorded.values()]
+    reports = certificate_beside(mesh).get("reports")
+    if surface is None or surface.resolve() not in meshed or not isinstance(reports, dict):
+        return {}
+    found: dict[str, Any] = reports.get("repair") or {}
+    return found
 
 
 def require_own_stem(

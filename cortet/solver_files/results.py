@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from cortet.errors import DamagedFileError, InputError
 from cortet.formats import child, result_reader
 from cortet.formats.placement import UNITS
 from cortet.formats.set_arrays import holds_set
-from cortet.formats.untrusted import check_file, safely_named, sound
+from cortet.formats.untrusted import by_library, check_file, content, safely_named, sound
 from cortet.formats.values import in_components
 from cortet.formats.volumes import matrices
 from cortet.geometry.topology import edges, used_vertices
@@ -63,6 +64,8 @@ def read_result(path: Path) -> Iterator[Step]:
             file=path,
             remedy="in ParaView, Merge Blocks, then save as PVD",
         )
+    if path.suffix.lower() == ".pvd":
+        _require_steps(path)
     with TemporaryDirectory(prefix="cortet-result-") as folder:
         done = child.run([sys.executable, "-P", result_reader.__file__, str(path.absolute()), folder])
         if done.returncode:
@@ -78,6 +81,15 @@ def read_result(path: Path) -> Iterator[Step]:
             if not len(points):
                 raise DamagedFileError("holds no nodes", file=path)
             yield Step(time, sound(path, points, *content))
+
+
+def _require_steps(path: Path) -> None:
+    """Raise InputError if a file of a series of ParaView is missing, of which its reader only says what it is not."""
+    with by_library("PVD", path):
+        named = [step.attrib["file"] for step in ElementTree.fromstring(content(path)).iter("DataSet")]
+    if missing := [name for name in named if not (path.parent / name).is_file()]:
+        what = f"names {len(missing)} of {len(named)} files that are missing, the first is {missing[0]}"
+        raise InputError(what, file=path, remedy="put them next to it, or correct their names in it")
 
 
 def in_order(result: TetMesh, mesh: TetMesh, *, file: Path, mesh_file: Path) -> Order:
@@ -181,7 +193,19 @@ def on_surface(steps: Iterable[Step], weights: ToSurface, *, file: Path, mesh_fi
         endings = [f"_{number}" for number in range(len(times))]
     ended = zip(endings, done, strict=True)
     fields = {name + ending: values for ending, one in ended for name, values in one.fields.items()}
-    return OnSurface(fields, list(told))
+    return OnSurface(fields, [*told, *_without_value(fields, weights, file)])
+
+
+def _without_value(fields: Mapping[str, NDArray[np.float64]], weights: ToSurface, file: Path) -> Iterator[str]:
+    """How many vertices of the mesh have no finite value, by field; InputError if no field has any."""
+    reached = np.diff(weights.nodes.indptr) > 0
+    missing = {name: int((~np.isfinite(values[reached])).sum()) for name, values in fields.items()}
+    if all(count == reached.sum() for count in missing.values()):
+        what = "has no finite value (all are NaN or infinite)"
+        raise InputError(what, file=file, remedy="look into the log of the solver: it may have diverged")
+    for name, count in missing.items():
+        if count:
+            yield f"{name}: {count:,} of {reached.sum():,} vertices have no finite value"
 
 
 def _of_step(step: TetMesh, order: Order, mesh: TetMesh, weights: ToSurface) -> OnSurface:

@@ -100,6 +100,8 @@ class BrokenSurface:
         self.volume_before = 0.0
         #: mm3, between the caps on these holes and flat ones
         self.bulge = 0.0
+        #: mm2, of separate pieces
+        self.dropped = 0.0
 
     def set_right(self) -> None:
         """Run all steps in their order."""
@@ -213,6 +215,7 @@ class BrokenSurface:
         if len(area) > 1:
             centres = np.array([self._middle(piece == number) for number in range(1, min(len(area), PLACES + 1))])
             self._note("small separate pieces dropped", len(area) - 1, "pieces", centres)
+            self.dropped = float(area[1:].sum())
             self.work = mending.chosen_faces(self.work, piece == 0)
 
     def _inside_the_first(self, piece: IntArray, large: NDArray[np.int64]) -> int:
@@ -256,11 +259,14 @@ class BrokenSurface:
             middles = np.array([self.work.points[rim].mean(axis=0) for rim in of_file])
             longest = max(rim_length(self.work.points, rim) for rim in of_file)
             self._note(f"holes filled, with a rim of up to {longest:.1f} mm", len(of_file), "holes", middles)
-        flat = closed_volume(self.work)
         for rim, made in [*((rim, CAP) for rim in of_file), *((rim, REPLACED) for rim in cut)]:
+            faces = len(self.work.faces)
             self.work = capped(self.work, rim, made)
+            if made == CAP:
+                self.bulge += abs(
+                    closed_volume(mending.chosen_faces(self.work, np.arange(len(self.work.faces)) >= faces))
+                )
         self.volume_before = enclosed_volume(self.work.points, self.work.faces)
-        self.bulge = self.volume_before - flat
 
     def _misshapen(self) -> None:
         """Cut out flat triangles and spikes, and close the holes smoothly."""

@@ -18,7 +18,7 @@ from cortet.geometry.smoothing import laplacian
 from cortet.geometry.topology import SurfaceTopology, compact, enclosed_volume, face_areas, surface_topology
 from cortet.geometry.uncrossing import moved_apart
 from cortet.measure.quality import signed_volumes
-from cortet.measure.usual_size import unusual_volume
+from cortet.measure.usual_size import UNUSUAL_TIMES, unusual_volume
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, single_precision
 
 VERSION: int = 3
@@ -37,9 +37,6 @@ MAX_CROSSING = 0.001
 #: farthest that the repair of crossing triangles may move a vertex, mm
 MAX_REPAIR_MM = 1.0
 _REPAIR_ROUNDS = 12
-#: factor from the usual volume at an age beyond which a surface gets a remark. Healthy brains of one age differ by a
-#: third at most; the volume doubles from 22 to 26 weeks
-UNUSUAL_TIMES = 1.5
 
 logger = logging.getLogger(__name__)
 

@@ -53,6 +53,8 @@ class RepairReport:
     filled_area_mm2: float
     #: area of all triangles that the file does not have: caps, and replacements of what was cut out
     new_area_mm2: float
+    #: area of separate pieces that were dropped
+    dropped_area_mm2: float
     #: volume between the caps on holes of the file and flat ones, mL
     bulge_ml: float
     #: volume of the file with its holes filled
@@ -121,6 +123,7 @@ def _report(given: TriSurface, made: TriSurface, source: Any, work: BrokenSurfac
         area_mm2=area,
         filled_area_mm2=0.0 if work is None else float(areas[work.work.made == CAP].sum()),
         new_area_mm2=0.0 if work is None else float(areas[work.work.made != GIVEN].sum()),
+        dropped_area_mm2=0.0 if work is None else work.dropped,
         bulge_ml=0.0 if work is None else work.bulge / 1000,
         volume_before_ml=volume_before / 1000,
         volume_ml=volume / 1000,

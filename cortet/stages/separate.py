@@ -126,7 +126,7 @@ def _check_volumes(surface: TriSurface) -> None:
             raise InputError(
                 f"the inner surface {name} encloses {volume / 1000:.1f} mL, but the outer surface only "
                 f"{outer / 1000:.1f} mL",
-                remedy="swap the two surfaces: the outer (pial) surface comes first",
+                remedy="swap the two surfaces",
             )
 
 

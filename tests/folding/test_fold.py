@@ -173,8 +173,11 @@ def test_a_fold_of_strained_tetrahedra_says_from_which_week_on(ball, tmp_path):
 def test_the_methods_paragraph_tells_of_folds(finished):
     folder, verdict = finished
     told = " ".join(fold_sentences({"ball": verdict_of_fold(folder)}))
-    assert "1 mesh was folded by growth of the cortex (model growing, " in told and "thickness = 3.0" in told
-    assert "from 22 to 22.5 weeks" in told and f"index was {verdict.gyrification_index_last:.3f}" in told
+    assert "1 fold by growth of the cortex (model growing, " in told and "thickness = 3.0" in told
+    assert (
+        "from a gestational age of 22 weeks until one of 22.5 weeks" in told
+        and f"index was {verdict.gyrification_index_last:.3f}" in told
+    )
     assert "force = true" in told and f"Doubts about folds: ball ({verdict.warnings[0]}" in told
 
 

@@ -55,7 +55,14 @@ def test_a_gap_that_would_make_triangles_cross_is_halved_and_told(monkeypatch):
 
 
 def test_a_repair_is_told_from_half_a_per_cent_of_the_volume_on():
-    outer = {"repaired": True, "relative_volume_change": 0.0049, "new_area_mm2": 1, "area_mm2": 200, "bulge_ml": 0.1}
+    outer = {
+        "repaired": True,
+        "relative_volume_change": 0.0049,
+        "new_area_mm2": 1,
+        "dropped_area_mm2": 0,
+        "area_mm2": 200,
+        "bulge_ml": 0.1,
+    }
     white = {**outer, "relative_volume_change": -0.012}
     told = remarks({"repair": {**outer, "inner": {"white": white}}}, {})
     assert told == ("repair changed the volume of white by -1.2%",)

@@ -8,6 +8,8 @@ from shapes import ball_surface
 
 import cortet
 from cortet.config import load
+from cortet.errors import InputError
+from cortet.formats.gifti import write_surface
 from cortet.measure.usual_size import unusual_volume
 from cortet.measure.verdict import relaxed_limits, repaired_share
 from cortet.meshes import TriSurface
@@ -34,7 +36,7 @@ def test_a_brain_without_its_front_is_not_certified_and_one_without_its_medial_w
     if certified:
         assert certificate.verdict == f"certified, {check.value:.0%} of the surface repaired".replace("%", " %", 1)
     else:
-        assert "fraction of the area of the surface that repair made" in certificate.reasons[0]
+        assert "fraction of the area of the surface that repair made or dropped" in certificate.reasons[0]
 
 
 def test_what_repair_invents_is_measured():
@@ -47,6 +49,34 @@ def test_what_repair_invents_is_measured():
     inner = {**asdict(report), "new_area_mm2": 0.5 * report.area_mm2}
     assert repaired_share({**asdict(report), "inner": {"white": inner}}) == 0.5
     assert repair(BALL, source=None)[1].new_area_mm2 == 0
+
+
+def test_pieces_that_repair_drops_count_as_repaired(tmp_path):
+    second = BALL.points * 0.7 + [50.0, 0, 0]
+    two = TriSurface(np.concatenate([BALL.points, second]), np.concatenate([BALL.faces, BALL.faces + len(BALL.points)]))
+    made = cortet.mesh(two, cell_size=6.0, settings={"repair": {"max_piece": 0.5}}, progress=False)
+    assert "fraction of the area of the surface that repair made or dropped" in made.certificate.reasons[0]
+    assert repaired_share(made.certificate.reports["repair"]) == pytest.approx(0.49, abs=0.01)
+
+
+def test_a_repair_stays_on_record_when_a_mesh_is_read_improved_and_certified(tmp_path):
+    write_surface(without_a_cap_of(0.05), tmp_path / "open.surf.gii")
+    made = cortet.mesh(tmp_path / "open.surf.gii", cell_size=6.0, progress=False)
+    file, said = made.save(tmp_path / "x.vtu"), made.certificate.verdict
+    assert said.endswith("of the surface repaired")
+    assert cortet.certify(file).verdict == cortet.read(file).certificate.verdict == said
+    assert cortet.improve(file, progress=False).certificate.verdict == said
+    assert cortet.certify(made).verdict == said
+
+
+def test_a_name_that_says_uncertified_is_given_to_no_certified_mesh(tmp_path):
+    """A certified y_uncertified.vtu was deleted when y.vtu was written."""
+    made = meshed(BALL)
+    with pytest.raises(InputError, match="_uncertified"):
+        made.save(tmp_path / "y_uncertified.vtu")
+    made.save(tmp_path / "z.vtu").rename(tmp_path / "y_uncertified.vtu")
+    made.save(tmp_path / "y.vtu")
+    assert (tmp_path / "y_uncertified.vtu").exists()
 
 
 def test_native_limits_hold_for_a_repaired_surface_but_at_what_is_new():
@@ -95,7 +125,10 @@ def test_a_mesh_that_is_certified_to_relaxed_limits_says_so_wherever_it_is_certi
         (104.3, (62, 76, 50), 28, None, False),  # a whole brain
         (250.0, (62, 76, 50), 28, None, True),
         (119.0, (50, 101, 80), 42, "R", False),
-        (340.0, (65, 168, 118), 60, "L", False),  # beyond the law
+        (340.0, (65, 168, 118), 46, "L", True),  # an adult of 46 years
+        (200.0, (60, 140, 100), 56, "L", False),  # an infant
+        (50.0, (31, 78, 56), 19.9, "L", True),
+        (5.0, (15, 35, 25), 16, "L", False),
     ],
 )
 def test_a_volume_that_no_brain_of_its_age_has_is_unusual(volume, extents, age, hemisphere, unusual):
