@@ -205,7 +205,7 @@ def _without_value(fields: Mapping[str, NDArray[np.float64]], weights: ToSurface
         raise InputError(what, file=file, remedy="look into the log of the solver: it may have diverged")
     for name, count in missing.items():
         if count:
-            yield f"{name}: {count:,} of {reached.sum():,} vertices have no finite value"
+            yield f"{name}: {count:,} of {reached.sum():,} vertices have no value, where the result is not finite"
 
 
 def _of_step(step: TetMesh, order: Order, mesh: TetMesh, weights: ToSurface) -> OnSurface:
