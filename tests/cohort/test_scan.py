@@ -196,6 +196,13 @@ def test_the_folder_of_one_subject_names_the_folder_that_holds_all(tmp_path, sub
         scan(tmp_path / subject)
 
 
+def test_longitudinal_folders_of_freesurfer_are_used_and_their_base_is_no_session(tmp_path):
+    ends = ("sub-01_ses-1", "sub-01_ses-2", "sub-01", "sub-01_ses-1.long.sub-01", "sub-01_ses-2.long.sub-01")
+    cases, said = scanned(touched(tmp_path, *(f"{name}/surf/lh.white" for name in ends)))
+    assert [case.surface for case in cases] == [f"sub-01_ses-{n}.long.sub-01/surf/lh.white" for n in (1, 2)]
+    assert "bases are left out, since they average over sessions: sub-01" in said
+
+
 def test_subjects_whose_labels_are_alike_are_refused(tmp_path):
     with pytest.raises(InputError, match="would both be sub-a1"):
         scan(freesurfer(tmp_path, "a_1", "a-1"))

@@ -17,7 +17,8 @@ from exported import full_mesh
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridWriter
 
 from cortet.errors import InputError
-from cortet.formats import FORMATS, braingrowth, read_mesh, vtu
+from cortet.formats import FORMATS, braingrowth, carp, read_mesh, vtu
+from cortet.measure.quality import signed_volumes
 from cortet.meshes import TetMesh
 from cortet.solver_files.export import write
 
@@ -243,7 +244,60 @@ def test_what_meshio_would_miss_or_take_for_something_else_is_refused(tmp_path, 
     assert caught.value.file == tmp_path / "m.inp" and caught.value.remedy
 
 
+def test_a_second_block_of_nodes_is_named_in_words(tmp_path):
+    with pytest.raises(InputError, match="not a second block .NODE"):
+        rewritten(tmp_path / "m.inp", "*NODE\n900, 1, 2, 3")
+
+
 # --- other formats of which meshio reads a part
+
+
+#: what Gmsh does to a mesh of two volumes, of which meshio cannot read the file
+OF_GMSH = {
+    "partitioned": lambda gmsh: gmsh.model.mesh.partition(2),
+    "all entities": lambda gmsh: gmsh.option.setNumber("Mesh.SaveAll", 1),
+    "version 4.0": lambda gmsh: gmsh.option.setNumber("Mesh.MshFileVersion", 4.0),
+}
+
+
+@pytest.mark.parametrize("how", OF_GMSH)
+def test_files_of_gmsh_that_meshio_cannot_read_are_read(tmp_path, how):
+    gmsh.initialize(interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        outer, inner = (gmsh.model.occ.addBox(-half, -half, -half, *[2 * half] * 3) for half in (30, 15))
+        gmsh.model.occ.fragment([(3, outer)], [(3, inner)])
+        gmsh.model.occ.synchronize()
+        gmsh.option.setNumber("Mesh.MeshSizeMin", 20)
+        for (_, tag), name in zip(gmsh.model.getEntities(3), ("inner", "outer"), strict=True):
+            gmsh.model.addPhysicalGroup(3, [tag], name=name)
+        gmsh.model.mesh.generate(3)
+        OF_GMSH[how](gmsh)
+        gmsh.write(str(tmp_path / "a.msh"))
+    finally:
+        gmsh.finalize()
+    mesh = read_mesh(tmp_path / "a.msh")
+    assert np.abs(signed_volumes(mesh.points, mesh.cells)).sum() == pytest.approx(60**3)
+    members = {name: np.abs(signed_volumes(mesh.points, mesh.cells[of])).sum() for name, of in mesh.sets.cells.items()}
+    assert members == {"inner": pytest.approx(30**3), "outer": pytest.approx(60**3 - 30**3)}
+
+
+def test_two_groups_of_gmsh_with_one_name_are_refused(tmp_path):
+    """Half of the tetrahedra were in the set, and the rest in `region_1`."""
+    path = written(tmp_path / "x.msh", file_format="gmsh22", binary=False)
+    groups = '$PhysicalNames\n2\n3 1 "brain"\n3 2 "brain"\n$EndPhysicalNames\n$Nodes'
+    path.write_text(path.read_text().replace("$Nodes", groups, 1))
+    assert "two physical volumes have the name 'brain'" in refused(path)
+
+
+def test_fibre_and_sheet_directions_of_opencarp_are_read_and_other_elements_named(tmp_path):
+    carp.write(CUBE, tmp_path / "x.pts")
+    _, *fibres = (tmp_path / "x.lon").read_text().splitlines()
+    (tmp_path / "x.lon").write_text("\n".join(["2", *(f"{fibre} 0 1 0" for fibre in fibres)]) + "\n")
+    assert np.array_equal(carp.read(tmp_path / "x.pts").cell_data["fibre"], np.tile([1.0, 0, 0], (len(CUBE.cells), 1)))
+    with (tmp_path / "x.elem").open("a") as elements:
+        elements.write("Tr 0 1 2 9\n")
+    assert "elements of type Tr" in refused(tmp_path / "x.pts")
 
 
 @pytest.mark.parametrize("suffix", [".vtu", ".vtk"])

@@ -318,6 +318,33 @@ def test_inflated_surfaces_of_freesurfer_are_known_by_their_names(tmp_path, name
         require_anatomical(tmp_path / name)
 
 
+@pytest.mark.parametrize(
+    ("name", "content", "kind"),
+    [
+        ("lh.cortex.label", b"#!ascii label  , from subject s\n1\n0 1.0 2.0 3.0 0.0\n", "a FreeSurfer label"),
+        ("x.dscalar.nii", b"\x1c\x02\x00\x00" + bytes(600), "a CIFTI file"),
+        ("T1.mgz", gzip.compress(b"\x00\x00\x00\x01" + bytes(400)), "an image"),
+        ("lh.pial", b"XSym\n0010\n" + b"0" * 32 + b"\nlh.pial.T1\n", "a link that a file system of Windows stores"),
+    ],
+)
+def test_files_of_other_kinds_are_named_as_what_they_are(tmp_path, name, content, kind):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=f"is {kind}"):
+        read_surface(tmp_path / name)
+
+
+def test_values_without_a_surface_are_named(tmp_path):
+    shape_file(tmp_path / "t.shape.gii", ("t", np.ones(9, np.float32), "SHAPE"))
+    with pytest.raises(InputError, match=r"holds values \(NIFTI_INTENT_SHAPE\) without a surface"):
+        read_surface(tmp_path / "t.shape.gii")
+
+
+def test_a_broken_link_says_where_it_leads(tmp_path):
+    (tmp_path / "lh.pial").symlink_to("lh.pial.T1")
+    with pytest.raises(InputError, match=r"is a link to lh\.pial\.T1, which is missing"):
+        read_surface(tmp_path / "lh.pial")
+
+
 def test_freesurfers_oldest_surfaces_are_named_as_such(tmp_path):
     """Magic 16777215 begins surfaces of quadrangles and files of values alike: the former were called the latter."""
     corners = np.array([[0, 1, 2, 3], [3, 2, 1, 0]])

@@ -46,6 +46,12 @@ def test_a_row_of_another_length_is_named_or_made_to_fit(tmp_path):
     assert table.to_numpy().tolist() == [["1"], [""]] and list(wrong) == [3]
 
 
+def test_empty_columns_at_the_end_as_spreadsheets_leave_them_are_no_columns(tmp_path):
+    (tmp_path / "t.tsv").write_text("a\tb\t\t\n1\t2\t\t\n3\t4\n")
+    table, wrong = read_uneven_tsv(tmp_path / "t.tsv")
+    assert table.columns.tolist() == ["a", "b"] and table.to_numpy().tolist() == [["1", "2"], ["3", "4"]] and not wrong
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [

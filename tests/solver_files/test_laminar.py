@@ -111,7 +111,7 @@ def test_project_takes_depths_in_percent_and_layers_along_columns(folder, tmp_pa
 
 
 def test_the_command_layers_writes_a_surface_for_each_bound(folder, tmp_path, capsys):
-    given = [str(folder / "white.surf.gii"), str(folder / "pial.surf.gii")]
+    given = [str(folder / "pial.surf.gii"), str(folder / "white.surf.gii")]  # cortet tells which one is inside
     command = ["layers", *given, "--layers", "1,1,2", "--cell-size", "1.3", "-o", str(tmp_path / "lh.surf.gii")]
     assert main(command) == 0
     assert sorted(file.name for file in tmp_path.glob("lh*")) == ["lh1.surf.gii", "lh2.surf.gii"]

@@ -184,6 +184,21 @@ def fewer(mesh: TetMesh) -> None:
     grid(mesh.points[used], cells.reshape(-1, 4)).save("r.vtu")
 
 
+def diverged(mesh: TetMesh, name: str, nodes: slice) -> None:
+    made = grid(mesh.points, mesh.cells)
+    values = mesh.points[:, 2].copy()
+    values[nodes] = np.nan
+    made["u"] = values
+    made.save(name)
+
+
+def test_a_result_that_is_partly_nan_is_counted(mesh, folder, capsys):
+    diverged(mesh, "r.vtu", slice(5))
+    assert project("r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii") == 0
+    counted = int(np.isnan(arrays("r.func.gii")["u"]).sum())
+    assert counted > 0 and f"u: {counted} of" in capsys.readouterr().out
+
+
 #: what is done to a result, its mesh or its surface, and which file the error names with which word
 WRONG: dict[str, tuple[Callable[[TetMesh], object], str]] = {
     "moved": (
@@ -194,6 +209,17 @@ WRONG: dict[str, tuple[Callable[[TetMesh], object], str]] = {
     "fewer nodes": (fewer, "r.vtu.* nodes"),
     "Exodus": (lambda _: Path("r.vtu").rename("r.e").write_bytes(b"CDF\1"), "r.e: .*Exodus.*ParaView"),
     "no fields": (lambda mesh: grid(mesh.points, mesh.cells).save("r.vtu"), "r.vtu.*no numeric field"),
+    "diverged": (lambda mesh: diverged(mesh, "r.vtu", slice(None)), "r.vtu.*no finite value"),
+    "step missing": (
+        lambda _: (
+            Path("r.vtu")
+            .rename("r.pvd")
+            .write_text(
+                '<VTKFile type="Collection"><Collection><DataSet timestep="0" file="s.0vtu"/></Collection></VTKFile>'
+            )
+        ),
+        "r.pvd.*missing, the first is s.0vtu",
+    ),
     "cut off": (lambda _: Path("r.vtu").write_bytes(Path("r.vtu").read_bytes()[:300]), "r.vtu"),
     "mesh changed": (lambda _: Path("x.vtu").write_bytes(Path("x.vtu").read_bytes() + b"\n"), "x.vtu.*changed"),
     "no sidecar": (lambda _: Path("x.vtu.json").unlink(), "x.vtu.*--surface"),
@@ -207,7 +233,7 @@ def test_what_does_not_belong_together_is_refused(mesh, folder, capfd, case):
     write(mesh, "r.vtu")
     make, word = WRONG[case]
     make(mesh)
-    result = "r.e" if case == "Exodus" else "r.vtu"
+    result = {"Exodus": "r.e", "step missing": "r.pvd"}.get(case, "r.vtu")
     assert project(result, "--mesh", "x.vtu", "-o", "r.func.gii") == 1
     said = capfd.readouterr().err.strip().splitlines()[-1]
     assert said.startswith("cortet: ") and re.search(word, said), said
