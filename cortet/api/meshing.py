@@ -32,7 +32,7 @@ from cortet.errors import InputError
 from cortet.formats import format_of, read_mesh
 from cortet.formats.atomic import recorded
 from cortet.formats.gifti import hemisphere_of, kind_of
-from cortet.formats.ownership import delete_made, guarded, is_ours, json_of, may_write
+from cortet.formats.ownership import delete_made, files_of, guarded, is_ours, json_of, may_write
 from cortet.formats.placement import placed
 from cortet.formats.set_arrays import with_sets
 from cortet.formats.tables import names, write_table
@@ -544,11 +544,18 @@ def write_files(
         if beside.tissues:
             write_table(TISSUE_COLUMNS, made.tissue_rows, place(beside.tissues))
         views(place)
-    failed = uncertified_path(path)
-    if made.certified and json_of(certificate_path(failed)).get("certified") is False and not changed_since(failed):
-        for record in filter(is_ours, (sidecar_path(failed), certificate_path(failed))):
-            delete_made(record)
+    if made.certified:
+        _delete_failed(uncertified_path(path))
     return told
+
+
+def _delete_failed(path: Path) -> None:
+    """Delete an earlier mesh that was not certified, with its certificate; nothing if any of its files was edited."""
+    records = [file for file in (sidecar_path(path), certificate_path(path)) if file.exists()]
+    files = [path.with_name(name) for record in records for name in files_of(record)]
+    if json_of(certificate_path(path)).get("certified") is False and all(map(is_ours, [*records, *files])):
+        for record in records:
+            delete_made(record)
 
 
 def teller(progress: bool | Callable[[Step], None]) -> Callable[[Step], None]:

@@ -187,7 +187,7 @@ def test_arrays_with_a_coordinate_that_is_not_finite_are_repaired_as_their_file_
     points = ball.points.copy()
     points[5, 1] = np.nan
     assert cortet.mesh((points, ball.faces), COARSE, progress=False).certified
-    assert "1 vertices without finite coordinates removed" in caplog.text
+    assert "1 vertex without finite coordinates removed" in caplog.text
     with pytest.raises(InputError, match="have coordinates that are not finite"):
         cortet.mesh((points, ball.faces), 6.0, settings={"repair": {"enabled": False}}, progress=False)
 

@@ -120,7 +120,7 @@ def test_repair_writes_the_surface_and_its_report(ball, tmp_path, capsys):
     write_surface(TriSurface(points, surface.faces), broken)
     assert main(["repair", str(broken), "-o", str(out)]) == 0
     shown = capsys.readouterr().out
-    assert "1 vertices without finite coordinates removed" in shown
+    assert "1 vertex without finite coordinates removed" in shown
     assert surface_topology(read_surface(out).faces).is_closed_manifold
     assert json.loads((tmp_path / "out.surf.repair.json").read_text())["repaired"]
 
