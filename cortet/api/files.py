@@ -29,7 +29,7 @@ from cortet.pipeline import Step
 from cortet.pipeline import improve as improved
 from cortet.solver_files import export
 from cortet.solver_files.meshed import Origin, cell_size_of, meshed_surface, parameters_of, repair_of
-from cortet.solver_files.sets import require_same_regions, with_regions
+from cortet.solver_files.sets import OF_ARRAYS, require_same_regions, with_regions
 from cortet.solver_files.sidecar import changed_since, read_sidecar
 from cortet.stages.gate import require_size
 
@@ -37,8 +37,6 @@ from cortet.stages.gate import require_size
 NO_FILES: Mapping[str, str | Path] = MappingProxyType({})
 #: part of the length of a surface by which the box of its mesh may differ from its own
 _ELSEWHERE = 0.25
-#: ends of files in which sets and numbers of regions are arrays of their own; in others the sets follow from numbers
-_OF_ARRAYS = (".vtu", ".vtk")
 
 
 def read(path: str | Path, shape: SurfaceLike | None = None, cell_size: float | None = None) -> Mesh:
@@ -204,7 +202,7 @@ def filling(
     for one, source in ((mesh, file), (filled, named)):
         require_size(one, file=source, stated=in_mm, convert="give mesh and surface in mm")
     _require_one_place(mesh, filled, file)
-    if file is None or file.suffix in _OF_ARRAYS:
+    if file is None or file.suffix in OF_ARRAYS:
         require_same_regions(mesh, list(filled.inner), file)
     return with_regions(mesh, list(filled.inner)) if filled.inner else mesh, filled, named
 

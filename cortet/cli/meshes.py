@@ -204,13 +204,15 @@ def quadratic(
     --------
     cortet quadratic lh.vtu -o lh10.inp
     """
-    from cortet.api.meshing import tetrahedra
+    from cortet.api.files import filling
+    from cortet.config import Config
     from cortet.geometry.quadratic import quadratic
-    from cortet.solver_files.meshed import meshed_surface
+    from cortet.solver_files.export import refuse_failed
     from cortet.solver_files.ten_nodes import write_ten_nodes
 
-    mesh, (filled, source) = tetrahedra(file), meshed_surface(file, surface, {})
-    _say_meshed(source, surface, file)
+    mesh, filled, source = filling(file, surface, Config())
+    refuse_failed(mesh, file, output)
+    _say_meshed(source or file, surface, file)
     curved = quadratic(mesh, filled, max_boundary_distance=max_boundary_distance)
     told = write_ten_nodes(mesh, curved, output)
     straight = curved.straightened_for_elements + curved.straightened_for_crossings

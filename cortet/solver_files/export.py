@@ -25,7 +25,7 @@ from cortet.solver_files.conventions import broken_conventions
 from cortet.solver_files.fields import FieldSource, field_sources, with_q, without_q
 from cortet.solver_files.meshed import Origin, certificate_beside, is_named_uncertified, moved, uncertified_path
 from cortet.solver_files.names import held, left_out, writable
-from cortet.solver_files.sets import named_sets, tagged
+from cortet.solver_files.sets import OF_ARRAYS, named_sets, require_same_regions, tagged
 from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar, sidecar_path
 from cortet.stages.gate import require_size
 from cortet.stages.solver_ready import surface_nodes_first
@@ -198,8 +198,10 @@ def convert(
     written_as, record = format_of(target), read_sidecar(source)
     done = [f"{source.name} was {CHANGED}"] if changed_since(source) else []
     mesh = _in_mm(source, record, source_unit)
-    _require_no_failure(mesh, source, target)
+    refuse_failed(mesh, source, target)
     require_body(mesh, source)
+    if source.suffix in OF_ARRAYS:
+        require_same_regions(mesh, list((record.get("made_from") or {}).get("meshed") or {})[1:], source)
     surface_nodes = boundary_nodes(mesh)
     if surface_nodes[-1] != len(surface_nodes) - 1:
         mesh = surface_nodes_first(mesh)[0]
@@ -218,7 +220,7 @@ def convert(
     return done + _write_all(mesh, target, written_as, unit, source, about)
 
 
-def _require_no_failure(mesh: TetMesh, source: Path, target: Path) -> None:
+def refuse_failed(mesh: TetMesh, source: Path, target: Path) -> None:
     """Raise InputError if the certificate beside a mesh fails it, unless the name of the new file says so."""
     if is_named_uncertified(target):
         return

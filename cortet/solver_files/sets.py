@@ -32,6 +32,8 @@ from cortet.meshes import AROUND, BRAIN, REGION, IntArray, MeshSets, TetMesh, is
 LAYER = "layer_"
 #: some solvers refuse longer names
 _LONGEST_NAME = 80
+#: ends of files in which sets and numbers of regions are arrays of their own; in others the sets follow from numbers
+OF_ARRAYS = (".vtu", ".vtk")
 
 
 def named_sets(
