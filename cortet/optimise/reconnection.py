@@ -174,8 +174,8 @@ def searched(
 
     Also returns the number of vertices inserted. An insertion may make a pocket worse before it makes it better. If the
     boundary may slide, its edges may be split, too. A pocket whose boundary is spoilt goes back to its earlier state,
-    and is tried again with vertices held. What a search leaves, another one would leave again, so a `later`
-    one adds a layer of tetrahedra to the pockets, and relaxes them first.
+    and is tried again with vertices held. What a search leaves, another one would leave again, so a `later` one adds a
+    layer of tetrahedra to the pockets, and relaxes them first.
     """
     q = quality(mesh.points, mesh.cells)
     most = _LATER_SOUGHT if later else _SOUGHT
@@ -201,7 +201,7 @@ def searched(
         best = mixed(tried, best, spoilt)
         held = np.union1d(held, np.concatenate([flaws.to_hold(held), nodes_near(part, crossing)])).astype(np.int32)
         if not spoilt.any():
-            break
+            return result, len(result.points) - len(mesh.points)
         again = spoilt
     result = put_back(mesh, part, best)
     return result, len(result.points) - len(mesh.points)
@@ -219,7 +219,7 @@ def _best_tries(
 ) -> TetMesh:
     """The best state of each pocket of a `part`: at the `start`, or after the search with one of the two series.
 
-    Only what the first series leaves above `threshold` gets the second.
+    Only what the first series leaves above `threshold` gets the second. A state is better if less is above `allowed`.
     """
     best = start
     for powers in _SEARCH_POWERS:
