@@ -36,6 +36,8 @@ _STEP = 2**0.5
 THINNEST, THICKEST = 1.0, 1.4
 #: they get them where edges are longer than this share of the longest: where blades shorten edges, the lattice fits
 _FULL = 0.95
+#: and farther than this many edge lengths from blades that are too thin: two layers beside a single one are worse
+_CLEAR_OF_THINNER = 4.0
 #: least distance between these nodes, and of lattice nodes from them, over the edge length
 MEDIAL_APART, MEDIAL_CLEAR = 0.95, 0.75
 #: a node half-way keeps this share of the thickness from both banks
@@ -106,6 +108,8 @@ def _medial_nodes(boundary: TriSurface, size: FloatArray) -> tuple[FloatArray, F
     tree, normals = tree_of(boundary), vertex_normals(boundary.points, boundary.faces)
     between = thickness(tree, boundary.points, normals, 1.1 * THICKEST * size.max(), inside=outward)
     thin = (between > THINNEST * size) & (between < THICKEST * size) & (size > _FULL * size.max())
+    thinner = KDTree(boundary.points[between <= THINNEST * size])
+    thin &= thinner.query(boundary.points)[0] > _CLEAR_OF_THINNER * size
     inward = -normals[thin] if outward else normals[thin]
     nodes, between, size = boundary.points[thin] + inward * between[thin, None] / 2, between[thin], size[thin]
     clear = closest_points(tree, nodes).distances > _HALF_WAY * between

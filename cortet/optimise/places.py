@@ -1,7 +1,6 @@
 """Cut out the few places of a mesh with its worst tetrahedra, so that many attempts there cost little.
 
-Each place is checked alone. It keeps the attempt that made its worst tetrahedron best, unless the excess of its
-tetrahedra over `FAILING_Q` grew.
+Each place is checked alone, and keeps its best attempt.
 """
 
 from __future__ import annotations
@@ -19,8 +18,6 @@ from cortet.meshes import FloatArray, IntArray, TetMesh
 
 #: layers of tetrahedra around the worst ones that belong to a place
 RINGS = 4
-#: above this q, a tetrahedron counts beside the worst one: no mesh with such a tetrahedron is certified
-FAILING_Q = 0.6
 #: fields of a part: the number of each node in the whole mesh, and the number of each tetrahedron's place
 _NODE, _PLACE = "node of the whole", "place"
 
@@ -73,15 +70,13 @@ def nodes_near(part: Part, points: FloatArray) -> IntArray:
     return nodes
 
 
-def better_of_each(first: TetMesh, second: TetMesh) -> TetMesh:
-    """For each place, the better of two tries; the first if they are equal.
+def better_of_each(first: TetMesh, second: TetMesh, threshold: float) -> TetMesh:
+    """For each place, the try with the smaller sum of cubes of what its tetrahedra exceed `threshold` by.
 
-    The second is better if neither its worst q nor the sum of excesses over `FAILING_Q` grows and one of them falls.
-    The second try may lack places; there the first one stays.
+    The first if they are equal. The second try may lack places; there the first one stays.
     """
     count = _count(first)
-    (before, much), (after, less) = _checked(first, count), _checked(second, count)
-    return mixed(first, second, (after <= before) & (less <= much) & ((after < before) | (less < much)))
+    return mixed(first, second, _excess(second, count, threshold) < _excess(first, count, threshold))
 
 
 def mixed(first: TetMesh, second: TetMesh, chosen: NDArray[np.bool_]) -> TetMesh:
@@ -101,9 +96,14 @@ def mixed(first: TetMesh, second: TetMesh, chosen: NDArray[np.bool_]) -> TetMesh
 
 def promising(mesh: TetMesh, threshold: float, most: int) -> TetMesh:
     """The places of a try that have at least one and at most `most` tetrahedra with q above `threshold`."""
-    bad = quality(mesh.points, mesh.cells) > threshold
-    count = np.bincount(mesh.cell_data[_PLACE][bad], minlength=_count(mesh))
+    count = bad_in_each(mesh, threshold)
     return only(mesh, (count > 0) & (count <= most))
+
+
+def bad_in_each(mesh: TetMesh, threshold: float) -> IntArray:
+    """How many tetrahedra of each place have q above `threshold`: (places,)."""
+    bad = quality(mesh.points, mesh.cells) > threshold
+    return np.bincount(mesh.cell_data[_PLACE][bad], minlength=_count(mesh)).astype(np.int32)
 
 
 def only(mesh: TetMesh, chosen: NDArray[np.bool_]) -> TetMesh:
@@ -163,13 +163,14 @@ def _count(mesh: TetMesh) -> int:
     return int(mesh.cell_data[_PLACE].max(initial=-1)) + 1
 
 
-def _checked(mesh: TetMesh, count: int) -> tuple[FloatArray, FloatArray]:
-    """Largest q of each of `count` places, infinite where the mesh lacks one; sum of excesses over `FAILING_Q`."""
-    worst, place, q = np.full(count, -np.inf), mesh.cell_data[_PLACE], quality(mesh.points, mesh.cells)
-    np.maximum.at(worst, place, q)
-    much = np.zeros(count)
-    np.add.at(much, place, np.maximum(q - FAILING_Q, 0))
-    return np.where(worst < 0, np.inf, worst), much
+def _excess(mesh: TetMesh, count: int, threshold: float) -> FloatArray:
+    """Sum over each of `count` places of the cube of what q exceeds `threshold` by; infinite where the mesh lacks one.
+
+    The cube makes the worst tetrahedron count most, without many new ones just below it.
+    """
+    place, q = mesh.cell_data[_PLACE], quality(mesh.points, mesh.cells)
+    total = np.bincount(place, np.maximum(q - threshold, 0) ** 3, minlength=count)
+    return np.where(np.bincount(place, minlength=count) == 0, np.inf, total)
 
 
 def _joined(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:

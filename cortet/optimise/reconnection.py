@@ -20,6 +20,7 @@ from cortet.optimise.insertion import MIN_GAIN, insert_vertices
 from cortet.optimise.places import (
     RINGS,
     Part,
+    bad_in_each,
     better_of_each,
     cut_out,
     mixed,
@@ -42,9 +43,9 @@ _FEW = 2e-4
 _FIRST_SWAPS = 0.18
 #: powers of the first round, in which vertices move far; later rounds must not lose what it reached
 _FIRST_POWERS = (8, 16, 32)
-#: searches around the worst tetrahedra. Another one follows only if the worst q fell by the first of these numbers, or
-#: the sum of what is above the threshold fell below this share
-_MOST_SEARCHES, _LEAST_FALL, _LEAST_SHARE = 6, 2e-3, 0.9
+#: searches around the worst tetrahedra. After two, another one follows only if the worst q fell by the second of these
+#: numbers, or the sum of what is above the threshold fell below this share
+_MOST_SEARCHES, _LEAST_FALL, _LEAST_SHARE = 4, 2e-3, 0.9
 #: a threshold is reached if q exceeds it by at most this factor
 _REACHED = 1.001
 #: rounds of insertions after everything else
@@ -52,13 +53,14 @@ _LAST_ROUNDS = 4
 _SWEEPS, _MEAN_SWEEPS = 12, 4
 #: stages of a search around what is left: by how much an insertion may make a pocket worse at first, and rounds
 _GAINS = ((MIN_GAIN, 2), (1.25, 4), (1.6, 4))
-#: number of the worst tetrahedra in each search: with more, pockets join, and one that is too large is given up
-_SOUGHT = 200
+#: number of the worst tetrahedra in the first search and in each later one: with more, pockets join, and one that is
+#: too large is given up. What the first search leaves is in large pockets
+_SOUGHT, _LATER_SOUGHT = 200, 60
 #: a pocket with more bad tetrahedra than this is given up for this series of powers
-_MOST_HOPE = 400
+_MOST_HOPE = 100
 #: two series of powers; neither is always better: at 64, the good tetrahedra of a tight pocket hold the worst back
 _SEARCH_POWERS, _SEARCH_SWEEPS = ((8, 16, 32, 64), (8, 32, 128, 256)), 25
-#: tries: two for all pockets, the rest for the pockets whose boundary a try spoilt
+#: tries: one for all pockets, the rest for the pockets whose boundary a try spoilt
 _SEARCHES = 6
 
 logger = logging.getLogger(__name__)
@@ -108,7 +110,6 @@ def reconnected(
         inserted, counts = inserted + found, counts + last
         result, found = _searched_while_it_helps(result, surface, followed, threshold, boundary, cell_size)
         inserted += found
-        result, _ = move_vertices(result, tree, _mean_moves(threshold), boundary="fixed")
     total = [sum(values) for values in zip(*counts, *swaps, strict=True)]
     attempts, edges, faces, flips, peeled = map(int, total[:-1])
     count = SwapCount(attempts, edges, faces, flips, peeled, float(total[-1]))
@@ -150,11 +151,12 @@ def _searched_while_it_helps(
     for number in range(_MOST_SEARCHES):
         q = quality(mesh.points, mesh.cells)
         left = float(np.maximum(q - threshold, 0).sum())
-        if q.max() <= _REACHED * threshold or (q.max() > worst - _LEAST_FALL and left > _LEAST_SHARE * excess):
+        helps = number < 2 or q.max() < worst - _LEAST_FALL or left < _LEAST_SHARE * excess
+        if q.max() <= _REACHED * threshold or not helps:
             break
         worst, excess = float(q.max()), left
         flaws_of = flaws_since(mesh, followed, cell_size)
-        mesh, found = searched(mesh, flaws_of, surface, threshold, boundary, widen=number)
+        mesh, found = searched(mesh, flaws_of, surface, threshold, boundary, later=number > 0)
         inserted += found
     return mesh, inserted
 
@@ -166,65 +168,89 @@ def searched(
     threshold: float,
     boundary: Boundary,
     *,
-    widen: int = 0,
+    later: bool = False,
 ) -> tuple[TetMesh, int]:
-    """Search around the `_SOUGHT` worst tetrahedra, in pockets cut out of the mesh.
+    """Search around the worst tetrahedra, in pockets cut out of the mesh.
 
     Also returns the number of vertices inserted. An insertion may make a pocket worse before it makes it better. If the
     boundary may slide, its edges may be split, too. A pocket whose boundary is spoilt goes back to its earlier state,
-    and is tried again with vertices held. What a search leaves, another one would leave again, so later ones `widen`
-    the pockets by that many layers of tetrahedra, and relax them first.
+    and is tried again with vertices held. What a search leaves, another one would leave again, so a `later` one adds a
+    layer of tetrahedra to the pockets, and relaxes them first.
     """
     q = quality(mesh.points, mesh.cells)
-    worst = np.sort(q)[-_SOUGHT - 1 :]
-    threshold = max(threshold, float(worst[0])) if len(worst) > _SOUGHT else threshold
-    bad = q > threshold
+    most = _LATER_SOUGHT if later else _SOUGHT
+    worst = np.sort(q)[-most - 1 :]
+    aim = max(threshold, float(worst[0])) if len(worst) > most else threshold
+    bad = q > aim
     if not bad.any():
         return mesh, 0
-    logger.info("%d tetrahedra above q = %g: searching around them", np.count_nonzero(bad), threshold)
-    part = cut_out(mesh, bad, rings=RINGS + widen)
+    logger.info("%d tetrahedra above q = %g: searching around them", np.count_nonzero(bad), aim)
+    part = cut_out(mesh, bad, rings=RINGS + later)
     best, held = part.mesh, np.zeros(0, np.int32)
     again = np.ones(len(best.cells), np.bool_)
-    for number in range(1, _SEARCHES + 1):
+    for _ in range(_SEARCHES):
         stiffer = part._replace(rim=np.union1d(part.rim, numbers_in(part, held)).astype(np.int32))
-        tried = better_of_each(best, _best_tries(only(best, again), stiffer, surface, threshold, boundary, widen > 0))
+        found = _best_tries(only(best, again), stiffer, surface, aim, boundary, relax=later, allowed=threshold)
+        tried = better_of_each(best, found, threshold)
+        if tried is best:
+            break
         result = put_back(mesh, part, tried)
         flaws = flaws_of(result)
         crossing = result.points[flaws.met.ravel()]
         spoilt = places_at(tried, np.concatenate([crossing, mesh.points[flaws.left[:, 0]]]))
         best = mixed(tried, best, spoilt)
         held = np.union1d(held, np.concatenate([flaws.to_hold(held), nodes_near(part, crossing)])).astype(np.int32)
-        if number > 1 and not spoilt.any():
-            break
-        again = spoilt if number > 1 else again
-    else:  # the last try spoilt a boundary, too
-        result = put_back(mesh, part, best)
+        if not spoilt.any():
+            return result, len(result.points) - len(mesh.points)
+        again = spoilt
+    result = put_back(mesh, part, best)
     return result, len(result.points) - len(mesh.points)
 
 
 def _best_tries(
-    start: TetMesh, part: Part, surface: TriSurface, threshold: float, boundary: Boundary, relax: bool
+    start: TetMesh,
+    part: Part,
+    surface: TriSurface,
+    threshold: float,
+    boundary: Boundary,
+    *,
+    relax: bool,
+    allowed: float,
 ) -> TetMesh:
-    """The best state of each pocket of a `part`: at the `start`, or after the search with one of the two series."""
+    """The best state of each pocket of a `part`: at the `start`, or after the search with one of the two series.
+
+    Only what the first series leaves above `threshold` gets the second. A state is better if less is above `allowed`.
+    """
     best = start
     for powers in _SEARCH_POWERS:
         aims = [Pass(threshold, power, _SEARCH_SWEEPS) for power in powers]
-        best = better_of_each(best, _best_of_series(start, part, surface, aims, boundary, relax))
+        found = _best_of_series(start, part, surface, aims, boundary, relax=relax, allowed=allowed)
+        best = better_of_each(best, found, allowed)
+        start = only(start, bad_in_each(best, threshold) > 0)
     return best
 
 
 def _best_of_series(
-    start: TetMesh, part: Part, surface: TriSurface, aims: list[Pass], boundary: Boundary, relax: bool
+    start: TetMesh,
+    part: Part,
+    surface: TriSurface,
+    aims: list[Pass],
+    boundary: Boundary,
+    *,
+    relax: bool,
+    allowed: float,
 ) -> TetMesh:
     best = start
     for gain, rounds in _GAINS:
-        trial = _relaxed(best, part, surface, aims[0].threshold, boundary) if relax else best
-        for _ in range(rounds):
+        trial = best
+        for number in range(rounds):
             trial = promising(trial, aims[0].threshold, _MOST_HOPE)
             if not len(trial.cells):
                 break
+            if relax and not number:
+                trial = _relaxed(trial, part, surface, aims[0].threshold, boundary)
             trial = _tried(trial, part, surface, aims, gain, boundary)
-            best = better_of_each(best, trial)
+            best = better_of_each(best, trial, allowed)
     return best
 
 
