@@ -243,7 +243,8 @@ def checks() -> tuple[Any, ...]:
     surface = icosphere(2)
     centre = np.full((len(surface.faces), 1), len(surface.points))
     mesh = TetMesh(np.vstack([surface.points, np.zeros(3)]), np.hstack([surface.faces[:, ::-1], centre]))
-    return certify(mesh, surface, cell_size=1.0, native=surface, reports={"generate": {"topology_ok": True}}).checks
+    reports = {"generate": {"topology_ok": True}, "repair": {"repaired": False}}
+    return certify(mesh, surface, cell_size=1.0, native=surface, reports=reports).checks
 
 
 # --- messages --------------------------------------------------------------------------------------------------------

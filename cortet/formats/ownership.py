@@ -274,14 +274,18 @@ def _refuse_same(output: Path, given: Path) -> None:
 
 
 def _runs(process: int) -> bool:
-    """Whether a process of this machine may run."""
+    """Whether a process of this machine may run; one that has ended and that nothing waits for does not."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:
         return False
     except (PermissionError, OverflowError):  # another user's, or no number of a process
         return True
-    return True
+    try:  # in a container, the first process may collect no ended ones
+        status = Path(f"/proc/{process}/stat").read_text(**_TEXT)
+    except OSError:  # a system without this folder
+        return True
+    return not status.rpartition(")")[2].lstrip().startswith("Z")
 
 
 def _absolute(path: Path) -> Path:

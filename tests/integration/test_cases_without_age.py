@@ -27,7 +27,8 @@ def test_a_case_without_an_age_runs_beside_one_with_an_age(tmp_path):
     assert {case for rule, case in study.planned_jobs() if rule == "fold"} == {"sub-a"}
 
     study.config["fold"] = {}
-    jobs = study.jobs_of_run(STATUS, "derivatives/cortet/cohort/cohort_quality.tsv")
+    asked = ("cohort/cohort_quality.tsv", "logs/CITATION.md")
+    jobs = study.jobs_of_run(STATUS, *(f"derivatives/cortet/{file}" for file in asked))
     assert "smooth 1 of 2 cases" in study.said and "sub-b_hemi-L" in study.said
     assert {case for rule, case in jobs if rule == "smooth_surface"} == {"sub-a"}
     assert {row["state"] for row in study.status().values()} == {"certified"}
