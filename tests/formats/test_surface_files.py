@@ -323,9 +323,10 @@ def test_inflated_surfaces_of_freesurfer_are_known_by_their_names(tmp_path, name
     [
         ("lh.cortex.label", b"#!ascii label  , from subject s\n1\n0 1.0 2.0 3.0 0.0\n", "a FreeSurfer label"),
         ("x.dscalar.nii", b"\x1c\x02\x00\x00" + bytes(600), "a CIFTI file"),
-        ("T1.mgz", gzip.compress(b"\x00\x00\x00\x01" + bytes(400)), "an image"),
+        ("T1.mgz", gzip.compress(b"\x00\x00\x00\x01" + bytes(400), mtime=0), "an image"),
         ("lh.pial", b"XSym\n0010\n" + b"0" * 32 + b"\nlh.pial.T1\n", "a link that a file system of Windows stores"),
     ],
+    ids=("label", "CIFTI", "MGZ", "XSym"),
 )
 def test_files_of_other_kinds_are_named_as_what_they_are(tmp_path, name, content, kind):
     (tmp_path / name).write_bytes(content)
