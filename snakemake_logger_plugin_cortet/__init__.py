@@ -89,10 +89,10 @@ class Progress:
             told = f"{record['reason']}; gyrification index {record['gyrification_index_last']:.2f}"
             return f"{job.mesh}  {told}, {self._minutes(job)}{self.left()}"
         self.certified += record["certified"]
-        told = f"{record['verdict']},"
+        told = f"{record.get('verdict', 'certified')},"  # one of an earlier version, if a profile asks for `touch`
         if not record["certified"]:
             self.uncertified.add(job.mesh)
-            told = f"{record['verdict']}: {'; '.join(record['reasons'])};"
+            told = f"NOT certified: {'; '.join(record['reasons'])};"
         numbers = f"worst q {record['quality']['q']['max']:.3f}, {record['quality']['tets']:,} tetrahedra"
         count = f"{self.certified + len(self.uncertified):{len(str(self.meshes))}}/{self.meshes}"
         return f"{count}  {job.mesh}  {told} {numbers}, {self._minutes(job)}{self.left()}"

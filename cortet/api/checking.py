@@ -102,9 +102,8 @@ def repair(shape: SurfaceLike, settings: Settings | None = None) -> tuple[TriSur
     """
     given = cortex(shape, finite=False)
     config = load(settings if settings is not None else {"repair": {"enabled": True}})
-    in_mm = placed(given, config.placement())
-    source = str(shape) if isinstance(shape, str | Path) else None
-    result, report = mended(in_mm, config.repair, source=source, allow_genus=config.gate.allow_genus)
     to_mm = config.placement()
+    source = str(shape) if isinstance(shape, str | Path) else None
+    result, report = mended(placed(given, to_mm), config.repair, source=source, allow_genus=config.gate.allow_genus)
     require_size(result, file=source, to_mm=to_mm or 1.0, stated=to_mm is not None)
     return result, asdict(report)

@@ -274,12 +274,14 @@ def outcome(plan: Plan, output: Path, *, page: bool, names: Collection[str] | No
     page : whether the run made the page of the cohort
     names : of the cases that the run was asked for; None: all
     """
-    states = states_of(plan, names)
+    rows = status_rows(plan.status())
+    states = _worst_states(rows, plan.cases if names is None else names)
     if not states:
         return "the sheet includes no case"
     counts = Counter(states.values())
     told = [f"{counts[state]} {word}" for state, word in _IN_WORDS.items() if counts[state]]
-    if qualified := _qualified(plan, states):
+    said_more = {row["case"] for row in rows if row.get("verdict") not in ("certified", None)}
+    if qualified := sum(state == "certified" and name in said_more for name, state in states.items()):
         told[0] += f" ({qualified} with repaired surfaces or relaxed limits)"
     words = ", ".join(told)
     files = " ".join(f"*Solver_{end}" for end, form in EXPORTED.items() if form in plan.config.export.formats)
@@ -289,19 +291,18 @@ def outcome(plan: Plan, output: Path, *, page: bool, names: Collection[str] | No
     return f"{len(states)} {'case' if len(states) == 1 else 'cases'}: {words}; {look}{meshes}"
 
 
-def _qualified(plan: Plan, states: Mapping[str, str]) -> int:
-    """Number of certified cases whose verdict says more than that."""
-    said = {row["case"] for row in status_rows(plan.status()) if row.get("verdict") not in ("certified", None)}
-    return sum(state == "certified" and name in said for name, state in states.items())
-
-
 def states_of(plan: Plan, names: Collection[str] | None = None) -> dict[str, str]:
     """The state of each case, that of the worst of its meshes; parameters as of `outcome`."""
+    return _worst_states(status_rows(plan.status()), plan.cases if names is None else names)
+
+
+def _worst_states(rows: Iterable[Mapping[str, Any]], names: Collection[str]) -> dict[str, str]:
+    """The worst state of each named case, from rows of the table of states."""
     worst = list(_IN_WORDS)
     states: dict[str, str] = {}
-    for row in status_rows(plan.status()):
+    for row in rows:
         name, state = row["case"], row["state"]
-        if name in (plan.cases if names is None else names):
+        if name in names:
             states[name] = max(states.get(name, state), state, key=worst.index)
     return states
 

@@ -85,7 +85,7 @@ def _row(run: Mapping[str, Any]) -> dict[str, Any]:
         "end_weeks": verdict["gestational_age"],
         **{column: None if pd.isna(last[column]) else float(last[column]) for column in _LAST},
         **{key: verdict[key] for key in ("thickness_mm", "min_j", "q_max", "tets", "steps", "reason")},
-        **{key: verdict[key] for key in ("distorted_share", "compressed_share")},
+        **{key: verdict.get(key) for key in ("distorted_share", "compressed_share")},  # of no earlier version
         "warnings": "; ".join(verdict["warnings"]),
     }
 

@@ -119,12 +119,7 @@ def _read_vtk(path: Path) -> Any:
     try:
         return _of_all_types(path)
     except Exception:  # of all that VTK writes, meshio reads a part
-        with TemporaryDirectory(prefix="cortet-vtk-") as folder:
-            again = Path(folder) / "again.vtu"
-            done = child.run([sys.executable, "-c", _BY_VTK, str(path.absolute()), str(again)])
-            if done.returncode or "ERR|" in done.stderr or not again.exists():
-                raise ValueError((done.stderr.strip().splitlines() or ["VTK broke down"])[-1]) from None
-            return _of_all_types(again)
+        return _read_again(_BY_VTK, path, "again.vtu", _of_all_types)
 
 
 def _of_all_types(file: Path) -> Any:
@@ -174,18 +169,28 @@ def _read_gmsh(path: Path) -> Any:
     try:
         return _read_changed(text, path, meshio.gmsh.read)
     except Exception:  # of what Gmsh writes, meshio reads a part
-        with TemporaryDirectory(prefix="cortet-gmsh-") as folder:
-            again = Path(folder) / path.name
-            done = child.run([sys.executable, "-c", _BY_GMSH, str(path.absolute()), str(again)])
-            if done.returncode or not again.exists():
-                raise ValueError((done.stderr.strip().splitlines() or ["Gmsh cannot read it"])[-1]) from None
-            return _read_changed(_FIELDS.sub(b"", content(again)), path, meshio.gmsh.read)
+        return _read_again(
+            _BY_GMSH,
+            path,
+            path.name,
+            lambda again: _read_changed(_FIELDS.sub(b"", content(again)), path, meshio.gmsh.read),
+        )
 
 
 def _read_xdmf(path: Path) -> Any:
     for name in sorted({*re.findall(rb"([^\s/>]{1,255}\.h5):", content(path))}):
         check_file(path.with_name(name.decode("utf-8", "replace")))
     return meshio.xdmf.read(str(path))
+
+
+def _read_again(program: str, path: Path, name: str, read_file: Callable[[Path], Any]) -> Any:
+    """What is found in a file that a program writes anew, in a process of its own, as damaged ones crash VTK."""
+    with TemporaryDirectory(prefix="cortet-again-") as folder:
+        again = Path(folder) / name
+        done = child.run([sys.executable, "-c", program, str(path.absolute()), str(again)])
+        if done.returncode or "ERR|" in done.stderr or not again.exists():
+            raise ValueError((done.stderr.strip().splitlines() or ["its own program broke down"])[-1]) from None
+        return read_file(again)
 
 
 def _read_changed(text: bytes, path: Path, read_file: Callable[[str], Any]) -> Any:

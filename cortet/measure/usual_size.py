@@ -47,8 +47,9 @@ def unusual_volume(
     times : factor from the usual volume beyond which one is unusual
     """
     known = float(np.clip(age, *_AGES))
-    inner = float(usual(VOLUME, np.array(known))) * (1 + _LATER * max(age - known, 0))
-    least = 0 if age < known else inner / (times * (1 + _LATER * max(age - known, 0)))
+    of_law = float(usual(VOLUME, np.array(known)))
+    inner = of_law * (1 + _LATER * max(age - known, 0))
+    least = 0 if age < known else of_law / times
     is_half = hemisphere is not None or min(extents) < _NARROW * max(extents)
     if least <= volume_ml <= inner * _PIAL * times * (1 if is_half else 2):
         return ""
