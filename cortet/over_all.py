@@ -30,7 +30,7 @@ from cortet.formats.atomic import atomic_path, write_json
 from cortet.formats.ownership import json_of
 from cortet.paper.results import results as paper_results
 from cortet.report.results import Results, files_of
-from cortet.stages import require_nesting, require_programs
+from cortet.stages import require_nesting, require_programs, settled
 
 logger = logging.getLogger(__name__)
 
@@ -47,10 +47,12 @@ REPORTED = ".cortet/reported.txt"
 
 def plan_of(config: Mapping[str, Any]) -> Plan:
     """The plan of a run, from the content of its configuration."""
-    own = load(config)
+    own = settled(load(config))
     # by the name that files carry: the line's own setting carries none, others are run beside it
     settings = {"": own} | {
-        name.capitalize(): load({**config, "setting": name}) for name in own.experiments.settings if name != own.setting
+        name.capitalize(): settled(load({**config, "setting": name}))
+        for name in own.experiments.settings
+        if name != own.setting
     }
     for setting in settings.values():
         require_programs(setting)
@@ -207,7 +209,7 @@ def _write_failure_pages(plan: Plan) -> list[str]:
             surface = gifti.read_surface(str(given), finite=False) if given else None
         except CortetError as error:
             trouble = f"cortet cannot draw it: {error}"
-        facts, cohort = about(plan.about(job)), beside(plan.layout.cohort_page, page)
+        facts, cohort = about(plan.page_facts(job)), beside(plan.layout.cohort_page, page)
         write_failure_page(case.name, failure, page, surface=surface, trouble=trouble, facts=facts, cohort=cohort)
         with atomic_path(small[mesh]) as temporary:
             temporary.write_bytes(thumbnail(surface, cast(Literal["L", "R"] | None, case.hemi)))

@@ -30,7 +30,8 @@ from sphinx.util.docutils import SphinxDirective
 from cortet.cli import commands
 from cortet.config import SETTINGS, Config
 from cortet.config.section import Section
-from cortet.stages import STAGES, Stage
+from cortet.stages import STAGES
+from cortet.stages.stage import Stage
 
 PACKAGE = Path(__file__).resolve().parents[1] / "cortet"
 ERRORS = ("InputError", "DamagedFileError", "StageError", "WorkflowError")
@@ -85,9 +86,9 @@ class Stages(SphinxDirective):
 def _when(stage: Stage) -> str:
     if stage.nested:
         return "there are inner surfaces"
-    if "sphere" in stage.takes:
+    if stage.registered:
         return "the surface has a sphere"
-    return "always" if stage.section_of(Config()).runs(aged=True) else f"`{stage.name}.enabled`"
+    return "always" if stage.is_on(Config()) else f"`{stage.name}.enabled`"
 
 
 # --- parameters ------------------------------------------------------------------------------------------------------

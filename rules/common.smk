@@ -21,7 +21,6 @@ from cortet.cohort.failures import made_otherwise
 from cortet.cohort.jobs import existing, existing_of
 from cortet.cohort.layout import EXPORTED, LABELS, SHARED, WILDCARDS, beside, inner_of
 from cortet.cohort.lock import require_free
-from cortet.cohort.resources import cost
 from cortet.cohort.user_files import content
 from cortet.config import keys_not_given, read
 from cortet.errors import CortetError
@@ -142,14 +141,15 @@ def names_of(kind):
     return lambda wildcards: list(getattr(CASES[wildcards.case], kind))
 
 
-def stage_params(stage):
-    """Parameters of the job of a stage, on which its result depends or which its report records."""
+def stage_params(*stages):
+    """Parameters of the job of some stages, on which its result depends or which the report of the last one records."""
+    *_, last = stages
     return {
-        "arguments": partial(PLAN.arguments, stage),
-        "locations": derived(partial(PLAN.locations, stage)),
-        "stages_before": partial(PLAN.stages_before, stage),
-        "version": versions(f"stages.{stage}", *(["measure.quality"] if stage in LABELS else [])),
-        **recorded(STAGES[stage].label),
+        "steps": partial(PLAN.steps, stages),
+        "locations": derived(PLAN.locations),
+        "stages_before": partial(PLAN.stages_before, last),
+        "version": versions(*(["measure.quality"] if last in LABELS else [])),
+        **recorded(STAGES[last].label),
     }
 
 
@@ -174,7 +174,6 @@ def took(rule, wildcards):
 
 def asked(rule):
     """Memory and minutes that a job on a case asks for, and the seconds after which it ends itself."""
-    cost(rule)  # an error here and now for a rule that nobody has measured
     return {
         "mem_mb": partial(PLAN.megabytes, rule),
         "runtime": partial(PLAN.minutes, rule),

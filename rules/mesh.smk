@@ -56,6 +56,8 @@ rule relocate:
     """S3: Gmsh moves interior nodes, so that elements get better on average."""
     input:
         mesh=partial(PLAN.mesh_before, "relocate"),
+        surface=PLAN.meshed_surface,
+        inner=PLAN.inner_surfaces,
     output:
         **mesh_of("relocate"),
     log:
@@ -168,8 +170,7 @@ rule solver_ready:
         source=PLAN.surface,
         gated=LAYOUT.surface("gated"),
         reports=lambda wildcards: list(PLAN.reports(wildcards).values())[:-1],  # the last one is its own
-        inner_repairs=partial(PLAN.inner_reports, "repair"),
-        inner_resamplings=partial(PLAN.inner_reports, "resample"),
+        inner_reports=PLAN.inner_reports,
     output:
         **mesh_of("solver_ready"),
         certificate=LAYOUT.certificate,
@@ -185,8 +186,7 @@ rule solver_ready:
         names_of_fields=names_of("fields"),
         limits=lambda wildcards: PLAN.setting(wildcards).certify.values(),
         layers=CONFIG.export.layers,
-        line=derived(PLAN.recorded_line),
-        settings=PLAN.recorded_settings,
+        line=PLAN.recorded_line,
         to_mm=PLAN.placement,
         inner=names_of("inner"),
     script:

@@ -63,11 +63,7 @@ checkpoint baseline:
         runtime=CONFIG.experiments.ablation.time_limit + 5,
     params:
         **recorded(LABELS["generate"]),
-        arguments=lambda wildcards: {
-            "mesher": wildcards.mesher,
-            "cell_size": int(wildcards.res) / 1000,
-            "time_limit": CONFIG.experiments.ablation.time_limit,
-        },
+        time_limit=CONFIG.experiments.ablation.time_limit,
         version=versions("meshers.baselines", "measure.quality"),
     script:
         "../scripts/baseline.py"

@@ -21,7 +21,7 @@ rule case_page:
     resources:
         **asked("case_page"),
     params:
-        about=PLAN.about,
+        about=PLAN.page_facts,
         input_sha256=PLAN.input_sha256,
         to_mm=PLAN.placement,
         cohort=derived(lambda wildcards: beside(LAYOUT.cohort_page, LAYOUT.case_page.format(**wildcards))),

@@ -56,17 +56,14 @@ rule fields:
     resources:
         **asked("fields"),
     params:
-        arguments=partial(PLAN.arguments, "gate"),
-        locations=derived(partial(PLAN.locations, "gate")),
-        repair=partial(PLAN.arguments, "repair") if CONFIG.enabled("repair") else None,
-        resample=lambda wildcards: PLAN.arguments("resample", wildcards) if PLAN.is_resampled(wildcards) else None,
+        steps=partial(PLAN.steps, ("resample", "repair", "gate")),
+        locations=derived(PLAN.locations),
         to_mm=PLAN.placement,
-        version=versions("stages.gate", "stages.repair", "stages.resample"),
         input_sha256=lambda wildcards: content(PLAN.all_paths(wildcards)),
         paths=derived(PLAN.all_paths),
         files=derived(PLAN.field_paths),
     script:
-        "../scripts/fields.py"
+        "../scripts/surface.py"
 
 
 rule resample:
@@ -85,12 +82,11 @@ rule resample:
         **asked("resample"),
     params:
         **stage_params("resample"),
-        source=derived(PLAN.source),
         column=derived(PLAN.column),
         to_mm=PLAN.placement,
         hemi=hemisphere,
     script:
-        "../scripts/resample.py"
+        "../scripts/surface.py"
 
 
 rule gate:
@@ -107,14 +103,12 @@ rule gate:
     resources:
         **asked("gate"),
     params:
-        **stage_params("gate"),
-        repair=partial(PLAN.arguments, "repair") if CONFIG.enabled("repair") else None,
-        version_of_repair=version_of("stages.repair"),
+        **stage_params("repair", "gate"),
         column=derived(PLAN.column),
         to_mm=lambda wildcards: None if PLAN.is_resampled(wildcards) else PLAN.placement(wildcards),
         hemi=hemisphere,
     script:
-        "../scripts/gate.py"
+        "../scripts/surface.py"
 
 
 rule smooth_surface:
@@ -132,7 +126,7 @@ rule smooth_surface:
     params:
         **stage_params("smooth_surface"),
     script:
-        "../scripts/smooth_surface.py"
+        "../scripts/surface.py"
 
 
 rule separate:

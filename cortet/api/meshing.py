@@ -62,6 +62,7 @@ from cortet.solver_files.meshed import (
 from cortet.solver_files.sidecar import CHANGED, changed_since, sidecar_path
 from cortet.solver_files.surface_map import SurfaceMap, surface_map
 from cortet.solver_files.volumes import backgrounds, label_names, read_volumes, with_volumes
+from cortet.stages.stage import About, State
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -435,14 +436,15 @@ def mesh(
         kind=kind_of(source) if source else None,
     )
     made = mesh_surface(
-        whole,
+        State(whole, None if sphere is None else surface(sphere)),
         config,
-        gestational_age=origin.age,
-        hemisphere=origin.hemisphere,
-        source=source,
-        inner_sources=inner_files,
-        sphere=None if sphere is None else surface(sphere),
-        sphere_source=_file(sphere),
+        About(
+            gestational_age=origin.age,
+            hemi=origin.hemisphere,
+            source=None if source is None else str(source),
+            sphere_file=str(sphere) if _file(sphere) else None,
+            inner={name: str(file) for name, file in inner_files.items()},
+        ),
         case=Path(source).name.partition(".")[0] if source else "",
         progress=teller(progress),
     )

@@ -22,19 +22,17 @@ from cortet.errors import InputError
 from cortet.formats import FORMATS
 from cortet.formats.volumes import label_table, volume_file
 from cortet.meshes import by_region
-from cortet.stages import STAGES, Stage, arguments_of, certify_record, record_of, stages_of
+from cortet.stages import STAGES, certify_record, stages_of
+from cortet.stages.stage import LOCATIONS, About, Stage, Values
+from cortet.version import version_of
 
 #: wildcards of a job
 Job = Mapping[str, str]
 #: a mesh of the line: name of its case, cell size in µm, mesher
 Mesh = tuple[str, int, str]
 
-#: arguments that name a file; what a job makes depends on the content of files, not on their names
-_LOCATIONS = ("source", "sphere_file")
 #: stages of the table of stages
 _TABLED = ("generate", "relocate", "clean", "solver_ready")
-#: stands in the name of a common sphere if the hemisphere of a case is not known: no file has this name
-_NO_HEMISPHERE = "{hemi}"
 
 
 @dataclass(frozen=True)
@@ -153,10 +151,11 @@ class Jobs:
         return self.settings[job.get("setting", "")]
 
     def line(self, job: Job) -> list[Stage]:
-        """The stages of a case in the setting of a job."""
+        """The stages of a case in the setting of a job; all settings mesh the surfaces of the line."""
         case = self.case(job)
-        aged = case.scan_age is not None
-        return stages_of(self.setting(job), nested=bool(case.inner), registered=self.is_resampled(job), aged=aged)
+        of_case = {"nested": bool(case.inner), "registered": self.is_resampled(job), "aged": case.scan_age is not None}
+        surface = [stage for stage in stages_of(self.config, **of_case) if stage.gives == "surface"]
+        return [*surface, *(stage for stage in stages_of(self.setting(job), **of_case) if stage.gives == "mesh")]
 
     def is_resampled(self, job: Job) -> bool:
         """Whether the line of a case begins with its resampling onto the common mesh."""
@@ -167,30 +166,37 @@ class Jobs:
         case = self.case(job)
         return None if case.is_phantom else self.config.placement(case.unit)
 
-    def facts(self, job: Job) -> dict[str, Any]:
-        """What is known of the surface or mesh of a job, in the form for `cortet.stages.arguments_of`."""
-        case = self.case(job)
-        facts: dict[str, Any] = {
-            "source": self.source(job),
-            "gestational_age": case.scan_age,
-            "hemi": case.hemi,
-            "hemisphere": case.hemi or _NO_HEMISPHERE,  # of which `resample` chooses the template
-            "placement": self.placement(job),
-            "nested": bool(case.inner),
-            "sphere_file": str(case.sphere),
+    def about(self, job: Job) -> About:
+        """What is known of the surface or mesh of a job."""
+        case, inner = self.case(job), inner_of(job)
+        return About(
+            cell_size=int(job["res"]) / 1000 if job.get("res") else None,
+            mesher=job.get("mesher"),
+            gestational_age=case.scan_age,
+            hemi=case.hemi,
+            to_mm=self.placement(job),
+            inside=bool(inner),
+            source=self.source(job),
+            sphere_file=str(case.sphere) if case.sphere else None,
+            inner={} if inner else {name: str(path) for name, path in case.inner.items()},
+        )
+
+    def steps(self, stages: Sequence[str], job: Job) -> dict[str, Values]:
+        """What each of some stages of a job depends on, if the line has it; if it changes, the job runs again."""
+        about = self.about(job)
+        return {
+            stage.name: {
+                "settings": stage.settings_of(self._config_of(stage, job), about),
+                "about": stage.about_of(about).model_dump(exclude=LOCATIONS, exclude_defaults=True),
+                "version": version_of(f"stages.{stage.name}"),
+            }
+            for stage in self.line(job)
+            if stage.name in stages
         }
-        if job.get("res"):
-            facts |= {"cell_size": int(job["res"]) / 1000, "mesher": job.get("mesher")}
-        return facts
 
-    def arguments(self, stage: str, job: Job) -> dict[str, Any]:
-        """Keyword arguments of a stage, but for `locations`; with its VERSION they decide whether it runs again."""
-        inside = {"inside": True} if STAGES[stage].takes_inside and inner_of(job) else {}
-        return without_locations(self._arguments(stage, job)) | inside
-
-    def locations(self, stage: str, job: Job) -> dict[str, Any]:
-        """The other keyword arguments: names of files for messages and reports."""
-        return {key: value for key, value in self._arguments(stage, job).items() if key in _LOCATIONS}
+    def locations(self, job: Job) -> Values:
+        """Names of the user's surfaces of a job, for messages and reports."""
+        return self.about(job).model_dump(include=LOCATIONS, exclude_defaults=True)
 
     def phantom_arguments(self, job: Job) -> dict[str, Any]:
         """Keyword arguments of `phantoms.phantom`."""
@@ -203,22 +209,15 @@ class Jobs:
         names = [one.name for one in self.line(job)]
         return names[: names.index(stage)] if stage in names else names
 
-    def recorded_line(self, job: Job) -> dict[str, Any]:
-        """Arguments and versions of the stages of a setting and of the certificate, for the certificate."""
-        stages = [stage.name for stage in self.line(job)]
-        done = {stage: record_of(self._config_of(stage, job), stage, self.facts(job)) for stage in stages}
+    def recorded_line(self, job: Job) -> dict[str, Values]:
+        """What the stages of a setting and the certificate depend on: if it changes, a certificate is made again."""
+        about = self.about(job)
+        done = {stage.name: stage.record(self._config_of(stage, job), about) for stage in self.line(job)}
         return {**done, "certify": certify_record(self.setting(job), int(job["res"]) / 1000)}
 
-    def recorded_settings(self, job: Job) -> dict[str, Any]:
-        """As `recorded_line`, without names of files: if it changes, a certificate is made again."""
-        return {step: without_locations(recorded) for step, recorded in self.recorded_line(job).items()}
-
-    def _arguments(self, stage: str, job: Job) -> dict[str, Any]:
-        return arguments_of(self._config_of(stage, job), stage, self.facts(job))
-
-    def _config_of(self, stage: str, job: Job) -> Config:
+    def _config_of(self, stage: Stage, job: Job) -> Config:
         """The configuration of a stage; those that all settings share use that of the line."""
-        return self.config if LABELS.get(stage) in SHARED else self.setting(job)
+        return self.config if stage.shared_by_settings or stage.gives == "surface" else self.setting(job)
 
     def source(self, job: Job) -> str:
         """The user's file of the surface that a job is about."""
@@ -293,8 +292,11 @@ class Jobs:
         return existing(self._template(self.case(job)) if self.is_resampled(job) else None)
 
     def _template(self, case: Case) -> str | None:
-        """The common sphere of a case; if it depends on an unknown hemisphere, the job reports that."""
-        return self.config.resample.template_of(case.hemi or _NO_HEMISPHERE)
+        """The common sphere of a case; None if it depends on an unknown hemisphere, which the job reports."""
+        try:
+            return self.config.resample.template_of(case.hemi)
+        except InputError:
+            return None
 
     def first_surface(self, job: Job) -> str | list[str]:
         """The first surface of the line, for the region of the job; on the common mesh if the case has a sphere."""
@@ -357,10 +359,11 @@ class Jobs:
         first = next(iter(self.case(job).inner), "")  # each report of `separate` is about all inner surfaces
         return {stage.name: filled(report(stage), job, region=region_wildcard(first)) for stage in self.line(job)}
 
-    def inner_reports(self, stage: str, job: Job) -> list[str]:
-        """A stage's reports on the inner surfaces; empty if it does not run."""
-        pattern = self.layout.each_surface(STAGES[stage].label, "white.json")
-        return self._inner(pattern, job) if STAGES[stage] in self.line(job) else []
+    def inner_reports(self, job: Job) -> list[str]:
+        """Files of the reports on the inner surfaces, of each stage that takes them by themselves."""
+        labels = [stage.label for stage in self.line(job) if stage.each_surface]
+        patterns = [self.layout.each_surface(label, "white.json") for label in labels]
+        return [path for pattern in patterns for path in self._inner(pattern, job)]
 
     def space(self, job: Job) -> str:
         """The surface in whose space all files of a case are."""
@@ -400,11 +403,6 @@ class Jobs:
     def minutes(self, rule: str, job: Job) -> int:
         """Time limit that a job asks for."""
         return minutes_to_ask(cost(rule, job.get("mesher", "")).cpu_seconds(self.tets(job)))
-
-
-def without_locations(arguments: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments of a step without those that only name a file."""
-    return {key: value for key, value in arguments.items() if key not in _LOCATIONS}
 
 
 def existing(path: str | Path | None) -> str | list[str]:

@@ -11,7 +11,7 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 
-from cortet.cohort.jobs import Job, Mesh, without_locations
+from cortet.cohort.jobs import Job, Mesh
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import Case
 from cortet.cohort.status import certificate_of
@@ -78,17 +78,17 @@ def earlier_results(plan: Plan, case: Case) -> Path | None:
 def first_other_stage(plan: Plan, mesh: Mesh) -> str | None:
     """The first stage, or `certify`, that made a mesh otherwise than planned; None if its certificate is current.
 
-    Its certificate records the parameters and versions of all stages; names of files do not count.
+    Its certificate records what each stage depends on.
     """
     job, certificate = plan.job(mesh), Path(plan.file(plan.layout.certificate, mesh))
-    wanted = json.loads(json.dumps(plan.recorded_settings(job), default=str))
+    wanted = json.loads(json.dumps(plan.recorded_line(job), default=str))
     made = certificate_of(certificate).get("parameters")
     if made is None:
         reports = plan.reports(job)
         return next((stage for stage in wanted if stage in reports and not Path(reports[stage]).exists()), "certify")
     if _has_changed(plan, job, certificate):
         return next(iter(wanted))
-    return next((stage for stage in wanted if wanted[stage] != without_locations(made.get(stage, {}))), None)
+    return next((stage for stage in wanted if wanted[stage] != made.get(stage)), None)
 
 
 def certificates_of(plan: Plan, case: Case) -> list[Path]:

@@ -111,7 +111,7 @@ class Plan(Jobs):
                 made[name] = path
         return made
 
-    def about(self, job: Job) -> dict[str, Any]:
+    def page_facts(self, job: Job) -> dict[str, Any]:
         """The facts at the top of the page of a mesh."""
         case = self.case(job)
         return {

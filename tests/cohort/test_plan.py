@@ -39,16 +39,18 @@ def test_the_line_of_a_case_follows_from_its_row():
 
     assert "separate" in line(PAIR) and "separate" not in line(GOOD)
     assert line(MADE)[0] == "resample"
-    assert "smooth_surface" in line(GOOD, setting="Published") and "smooth_surface" not in line(
-        PAIR, setting="Published"
-    )
+    assert line(PAIR, setting="Published")[:3] == line(PAIR)[:3] == ["repair", "gate", "smooth_surface"], "one surface"
+    assert "reconnect" not in line(PAIR, setting="Published")
+    by_age = plan(smooth_surface={"method": "published"})
+    assert [step.name for step in by_age.line(mesh_job(PAIR))][2] == "separate", "its age is not known"
 
 
 def test_stages_that_settings_share_run_by_those_of_the_line():
     asked = plan(clean={"thresholds": [0.6]}, transfer={"interior": "harmonic"})
     published = mesh_job(GOOD, setting="Published")
-    assert asked.arguments("transfer", published)["interior"] == "harmonic"
-    assert asked.arguments("clean", published)["boundary"] == "free"
+    steps = asked.steps(["transfer", "clean"], published)
+    assert steps["transfer"]["settings"] == {"transfer": {"interior": "harmonic"}}
+    assert steps["clean"]["settings"]["clean"]["boundary"] == "free"
 
 
 @pytest.mark.parametrize("cell_size", ["500", "2000"])
