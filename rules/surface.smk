@@ -13,7 +13,8 @@ rule phantom:
     resources:
         **asked("phantom"),
     params:
-        arguments=PLAN.phantom_arguments,
+        made_from=made_from("phantom"),
+        arguments=JOBS.phantom_arguments,
         version=version_of("phantoms"),
     script:
         "../scripts/phantom.py"
@@ -34,6 +35,7 @@ rule phantom_inner:
     resources:
         **asked("phantom_inner"),
     params:
+        made_from=made_from("phantom_inner"),
         arguments={"thickness": CONFIG.phantom.thickness},
         version=version_of("phantoms"),
     script:
@@ -43,10 +45,10 @@ rule phantom_inner:
 rule fields:
     """The per-vertex fields of a case on the vertices that the gate let in; S1 does not depend on them."""
     input:
-        surface=PLAN.surface,
-        fields=existing_of(PLAN.field_paths),
-        sphere=PLAN.sphere,
-        template=PLAN.template,
+        surface=SOURCES.surface,
+        fields=existing_of(SOURCES.field_paths),
+        sphere=SOURCES.sphere,
+        template=SOURCES.template,
     output:
         surface=LAYOUT.surface("fields"),
     log:
@@ -56,12 +58,13 @@ rule fields:
     resources:
         **asked("fields"),
     params:
-        steps=partial(PLAN.steps, ("resample", "repair", "gate")),
-        locations=derived(PLAN.locations),
-        to_mm=PLAN.placement,
-        input_sha256=lambda wildcards: content(PLAN.all_paths(wildcards)),
-        paths=derived(PLAN.all_paths),
-        files=derived(PLAN.field_paths),
+        made_from=made_from("fields"),
+        steps=partial(JOBS.steps, ("resample", "repair", "gate")),
+        locations=derived(JOBS.locations),
+        to_mm=SOURCES.placement,
+        input_sha256=lambda wildcards: content(SOURCES.all_paths(wildcards)),
+        paths=derived(SOURCES.all_paths),
+        files=derived(SOURCES.field_paths),
     script:
         "../scripts/surface.py"
 
@@ -69,9 +72,9 @@ rule fields:
 rule resample:
     """Put a surface that has a sphere onto the mesh that all cases share."""
     input:
-        surface=PLAN.surface,
-        sphere=PLAN.sphere,
-        template=PLAN.template,
+        surface=SOURCES.surface,
+        sphere=SOURCES.sphere,
+        template=SOURCES.template,
     output:
         **surface_of("resampled"),
     log:
@@ -82,8 +85,8 @@ rule resample:
         **asked("resample"),
     params:
         **stage_params("resample"),
-        column=derived(PLAN.column),
-        to_mm=PLAN.placement,
+        column=derived(SOURCES.column),
+        to_mm=SOURCES.placement,
         hemi=hemisphere,
     script:
         "../scripts/surface.py"
@@ -92,7 +95,7 @@ rule resample:
 rule gate:
     """Repair a surface where there is one right answer, and let it in if it can be meshed; refuse any other."""
     input:
-        surface=PLAN.first_surface,
+        surface=INPUTS.first_surface,
     output:
         **surface_of("gated"),
         repair=LAYOUT.each_surface("repaired", "white.json") if CONFIG.enabled("repair") else [],
@@ -104,8 +107,8 @@ rule gate:
         **asked("gate"),
     params:
         **stage_params("repair", "gate"),
-        column=derived(PLAN.column),
-        to_mm=lambda wildcards: None if PLAN.is_resampled(wildcards) else PLAN.placement(wildcards),
+        column=derived(SOURCES.column),
+        to_mm=lambda wildcards: None if SOURCES.is_resampled(wildcards) else SOURCES.placement(wildcards),
         hemi=hemisphere,
     script:
         "../scripts/surface.py"
@@ -132,8 +135,8 @@ rule smooth_surface:
 rule separate:
     """Move inner surfaces away from the one around them; the output is one of them, the report is about all."""
     input:
-        surface=PLAN.meshed_surface,
-        inner=PLAN.inner_before_separating,
+        surface=INPUTS.meshed_surface,
+        inner=INPUTS.inner_before_separating,
     output:
         surface=LAYOUT.separated(),
         report=LAYOUT.separated("white.json"),

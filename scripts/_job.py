@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, Any
 _folder = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(_folder if (_folder / "cortet").is_dir() else _folder.parents[1]))
 
-from cortet.cohort.status import began, failure_path, write_failure
+from cortet.cohort.status import failure_path, write_failure
 from cortet.errors import CortetError
 from cortet.formats import child
 from cortet.formats.ownership import delete_abandoned
@@ -105,7 +105,7 @@ def start(snakemake: Any) -> Job:
     if "pdb" not in sys.modules:  # a debugger has the terminal
         _log_to(log)
     sys.excepthook = partial(_log_failure, log, snakemake)
-    began(log, snakemake.rule, dict(snakemake.wildcards))
+    write_failure(log, *_identity(snakemake))
     atexit.register(_forget, failure_path(log))
     logger.info("%s of %s with %s", snakemake.rule, dict(snakemake.wildcards), dict(snakemake.params))
     if seconds := snakemake.resources.get("time_limit", 0):
@@ -115,6 +115,11 @@ def start(snakemake: Any) -> Job:
     for output in map(Path, snakemake.output):  # what an attempt that was killed has left
         delete_abandoned(output.parent, glob.escape(output.name))
     return Job(snakemake.input, snakemake.output, snakemake.params, snakemake.wildcards)
+
+
+def _identity(snakemake: Any) -> tuple[str, dict[str, str], str | None]:
+    """Rule, wildcards and `made_from` of a job."""
+    return snakemake.rule, dict(snakemake.wildcards), snakemake.params.get("made_from")
 
 
 def _use_own_temporary_folder(log: Path) -> None:
@@ -148,7 +153,7 @@ def _log_failure(
         traceback.print_exception(kind, error, trace)
         return
     with contextlib.suppress(OSError):  # the disk may be full
-        write_failure(log, snakemake.rule, dict(snakemake.wildcards), error)
+        write_failure(log, *_identity(snakemake), error)
     if not isinstance(error, CortetError):
         traceback.print_exception(kind, error, trace)
         error = CortetError(f"{kind.__name__}: {error}")

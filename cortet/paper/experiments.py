@@ -9,11 +9,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from cortet.cohort.failures import why_missing
 from cortet.cohort.layout import LABELS, SHARED, file_of
 from cortet.cohort.plan import Plan
 from cortet.cohort.selection import chosen
 from cortet.cohort.sheet import Case
+from cortet.cohort.states import States
 from cortet.config.section import Cases
 from cortet.meshers import BASELINES
 from cortet.report.records import Origin
@@ -38,7 +38,12 @@ Records = dict[str, Origin]
 class Experiments:
     """The experiments on the cases of a plan."""
 
-    plan: Plan
+    states: States
+
+    @property
+    def plan(self) -> Plan:
+        """What the run is asked for."""
+        return self.states.plan
 
     @cached_property
     def compared_meshers(self) -> list[str]:
@@ -179,7 +184,7 @@ class Experiments:
     def _why(self, path: str, rule: str, mesh: OfCase, setting: str = "") -> str | None:
         case, res, mesher = mesh
         job = {"folder": case.folder, "case": case.name, "res": res, "mesher": mesher, "setting": setting}
-        return why_missing(self.plan, path, rule, job)
+        return self.states.why_missing(path, rule, job)
 
     def _cases(self, which: Cases) -> list[Case]:
         """Cases of an experiment, without those with inner surfaces, which the meshers compared do not know."""
