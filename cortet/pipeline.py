@@ -9,7 +9,6 @@ import logging
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -18,8 +17,7 @@ from cortet.formats.placement import placed
 from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate, certify
-from cortet.meshes import TetMesh, TriSurface, region_names
-from cortet.solver_files.meshed import certificate_path, meshed_files
+from cortet.meshes import TetMesh, TriSurface
 from cortet.stages import (
     MESH_STAGES,
     certify_record,
@@ -203,24 +201,3 @@ def improve(
     line = [stage for stage in stages_of(config, nested=bool(inner)) if stage in after_transfer]
     steps = _through(line, state, config, about)
     return _certified(steps, config, progress, cell_size=cell_size, case=case, source=about.source, before=repaired)
-
-
-class Companions(NamedTuple):
-    """Files that are written with a mesh; their names begin with its stem."""
-
-    certificate: Path
-    #: region -> surface that was meshed
-    surfaces: dict[str, Path]
-    #: table of the labels of its volumes, where it has some
-    tissues: Path | None
-
-    @property
-    def files(self) -> list[Path]:
-        """All of them."""
-        return [self.certificate, *self.surfaces.values(), *([self.tissues] if self.tissues else [])]
-
-
-def companions(path: Path, inner: Iterable[str], *, volumes: bool) -> Companions:
-    """The companions of a mesh with some inner regions, and with or without volumes."""
-    table = path.with_name(f"{path.name.removesuffix(path.suffix)}.volumes.tsv")
-    return Companions(certificate_path(path), meshed_files(region_names(inner), path), table if volumes else None)

@@ -7,7 +7,7 @@ rule case_page:
         surface=SOURCES.surface,
         meshed=INPUTS.meshed_surface,
         inner=INPUTS.inner_surfaces,
-        mesh=LAYOUT.mesh("Solver"),
+        mesh=LAYOUT.mesh(LABELS["solver_ready"]),
         certificate=LAYOUT.certificate,
         tissues=INPUTS.tissues,
     output:
@@ -40,7 +40,7 @@ rule case_maps:
         meshed=INPUTS.meshed_surface,
         inner=INPUTS.inner_surfaces,
         fields=INPUTS.fields,
-        mesh=LAYOUT.mesh("Solver"),
+        mesh=LAYOUT.mesh(LABELS["solver_ready"]),
     output:
         maps=LAYOUT.mesh("Solver", "maps.surf.gii"),
     log:
@@ -61,12 +61,12 @@ rule case_maps:
 rule volumes:
     """What the volumes of a case hold inside each tetrahedron; the table of their labels, and slices with the mesh in them."""
     input:
-        mesh=LAYOUT.mesh("Solver"),
+        mesh=LAYOUT.mesh(LABELS["solver_ready"]),
         surface=INPUTS.meshed_surface,
         inner=INPUTS.inner_surfaces,
         volumes=existing_of(SOURCES.volume_paths),
     output:
-        mesh=intermediate(LAYOUT.mesh("Solver", "volumes.vtu")),
+        mesh=intermediate(LAYOUT.mesh(LABELS["solver_ready"], "volumes.vtu")),
         table=LAYOUT.mesh("Solver", "volumes.tsv"),
         sidecar=LAYOUT.mesh("Solver", "volumes.json"),
         picture=LAYOUT.mesh("Solver", "slices.png"),

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from cortet.cohort.layout import Wildcards, filled, region_wildcard
+from cortet.cohort.layout import LABELS, Wildcards, filled, region_wildcard
 from cortet.cohort.plan import Plan
 from cortet.cohort.sources import Sources
 from cortet.config import Config
@@ -51,7 +51,7 @@ class Inputs:
     def mesh_with_volumes(self, job: Wildcards) -> str:
         """The mesh at the end of the line, with what its volumes hold if the case has some."""
         suffix = "volumes.vtu" if self.sources.case(job).volumes else "tetmesh.vtu"
-        return filled(self.plan.layout.mesh("Solver", suffix), job)
+        return filled(self.plan.layout.mesh(LABELS["solver_ready"], suffix), job)
 
     def tissues(self, job: Wildcards) -> list[str]:
         """The table of the labels of a mesh, and the picture of its slices; none if it has no volumes."""

@@ -55,6 +55,9 @@ def set_aside(states: States, *, dropped: bool = False) -> list[str]:
             move(case, f"{failure['stage']} failed", entries)
         others = [path for path in plan.other_exports(mesh) if _is_of_another_mesh(path, certificate)]
         move(case, "it now has another mesh", _with_companions(others))
+        # earlier versions gave the mesh of the last stage, certified or not, the name of a result
+        of_stage = certificate.with_name(certificate.name.replace(CERTIFICATE, "Solver_tetmesh.vtu"))
+        move(case, "a mesh of the last stage has another name now", [of_stage] if of_stage.exists() else [])
     excluded = {case.name for case in plan.sheet if not case.include}
     for name, folder in _without_row(plan):
         if dropped or name in excluded:
@@ -74,7 +77,7 @@ def _is_of_another_mesh(file: Path, certificate: Path) -> bool:
 def _made_with(certificate: Path) -> list[Path]:
     """The mesh of a certificate, and what was made of it: exports, page, folds; not the page of a failure alone."""
     folder, stem = certificate.parents[1], certificate.name.removesuffix(CERTIFICATE)
-    found = [path for label in ("Solver", "Folded") for path in folder.glob(f"*/{stem}{label}*")]
+    found = [path for label in ("Ordered", "Solver", "Folded") for path in folder.glob(f"*/{stem}{label}*")]
     return [] if all(path.name.endswith(_OF_FAILURE) for path in found) else found
 
 

@@ -204,7 +204,8 @@ def first_other_stage(jobs: Jobs, mesh: Mesh) -> str | None:
 
 def has_other_input(jobs: Jobs, job: Wildcards, certificate: Path) -> bool:
     """Whether a mesh was made from other files of the user than the present ones, as far as those can be read."""
-    record = json_of(certificate.with_name(certificate.name.replace(CERTIFICATE, "Solver_tetmesh.json")))
+    report = certificate.name.replace(CERTIFICATE, f"{STAGES['solver_ready'].label}_tetmesh.json")
+    record = json_of(certificate.with_name(report))
     made_from, present = record.get("input_sha256"), jobs.sources.input_sha256(job)
     if not isinstance(made_from, dict):
         return False

@@ -255,7 +255,7 @@ LINE = (
     Stage(
         name="solver_ready",
         does="orders nodes and elements",
-        label="Solver",
+        label="Ordered",
         function=_solver_ready,
         gives="mesh",
         settings=("transfer",),  # it carries the fields onto the final positions, as S2 onto the first ones

@@ -73,14 +73,14 @@ def test_a_report_leaves_out_certificates_that_it_cannot_believe(study, fault):
 @pytest.mark.parametrize(
     ("deleted", "rule"),
     [
-        ("certificate.json", "solver_ready"),
-        ("tetmesh.vtu", "solver_ready"),
-        ("sets.vtu", "export"),
-        ("sets.vtu.json", "export"),
+        ("Solver_certificate.json", "solver_ready"),
+        ("Ordered_tetmesh.vtu", "solver_ready"),
+        ("Solver_sets.vtu", "export"),
+        ("Solver_sets.vtu.json", "export"),
     ],
 )
 def test_a_result_that_was_deleted_is_made_again_even_for_the_tables_alone(study, deleted, rule):
-    (file,) = study.files(f"sub-a*Solver_{deleted}")
+    (file,) = study.files(f"sub-a*{deleted}")
     file.unlink()
     report(study.outputs)
     assert study.status()["sub-a_hemi-L"]["state"] == "unfinished"
@@ -263,7 +263,7 @@ def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study, killed)
         start_new_session=True,
     )
     if killed == "everything":
-        mesh = certificate.name.replace("certificate.json", "tetmesh.vtu")
+        mesh = certificate.name.replace("Solver_certificate.json", "Ordered_tetmesh.vtu")
         wait_for(study.folder / f"sabotage/wait-solver_ready-{mesh}", run)
         os.killpg(run.pid, signal.SIGKILL)
     assert run.wait() != 0
