@@ -28,6 +28,8 @@ _OWN_SPACES = {
 }
 #: between the session and the base in the name of a folder of FreeSurfer's longitudinal stream
 _LONGITUDINAL = ".long."
+#: example subject that FreeSurfer has in its folder of subjects
+_EXAMPLE = "bert"
 #: folder of a dataset that holds the results of pipelines, and folders whose parent is the dataset that theirs is from
 _DERIVATIVES = "derivatives"
 _WITHIN_A_DATASET = (_DERIVATIVES, "sourcedata")
@@ -135,6 +137,10 @@ def _surfaces(directory: Path, patterns: Scan, say: Callable[[str], object]) -> 
         return ", ".join(names + [f"and {len(paths) - _MOST_NAMES} more"] * (len(paths) > _MOST_NAMES))
 
     found = {key: sorted(places, key=rank) for key, places in _candidates(directory, patterns.surfaces, say).items()}
+    examples = [key for key in found if key[0] == _EXAMPLE]
+    if 0 < len(examples) < len(found):
+        say(f"{_EXAMPLE} is left out: it is FreeSurfer's example subject")
+        found = {key: places for key, places in found.items() if key not in examples}
     taken = {key: places[0][1] for key, places in found.items()}
     beside: list[Path] = []
     for (number, first), *others in found.values():
@@ -312,7 +318,7 @@ def _matches(directory: Path, pattern: str) -> Iterator[tuple[Path, dict[str, st
     expression, seen = "", set[str]()
     for text, name in zip(parts[::2], [*parts[1::2], ""], strict=True):
         anyhow = name == "participant" and pattern.startswith("{participant}/")
-        form = r"(?!sub-|fsaverage)[A-Za-z0-9][A-Za-z0-9_.-]*" if anyhow else "[A-Za-z0-9]+"
+        form = r"(?!sub-|fsaverage|cvs_avg35)[A-Za-z0-9][A-Za-z0-9_.-]*" if anyhow else "[A-Za-z0-9]+"
         form = _ENTITIES if name == "entities" else form
         label = f"(?P={name})" if name in seen else f"(?P<{name}>{form})"
         expression += re.escape(text) + (label if name else "")

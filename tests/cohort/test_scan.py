@@ -86,6 +86,12 @@ def test_subjects_of_freesurfer_may_have_any_name_but_that_of_the_template(tmp_p
     assert "registered spheres: 2" in said
 
 
+def test_the_templates_and_the_example_of_freesurfer_are_no_participants(tmp_path):
+    cases, said = scanned(freesurfer(tmp_path, "bert", "cvs_avg35", "cvs_avg35_inMNI152", "p1"))
+    assert [case.name for case in cases] == ["sub-p1_hemi-L", "sub-p1_hemi-R"]
+    assert "bert is left out: it is FreeSurfer's example subject" in said
+
+
 def test_surfaces_and_fields_beside_that_of_freesurfer_are_found(tmp_path):
     surf = freesurfer(tmp_path, "bert") / "bert/surf"
     left, right = scan(tmp_path, Scan(pial=True, fields={"thickness": ["thickness.shape.gii", "thickness"]}))
