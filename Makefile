@@ -3,7 +3,7 @@
 CORES ?= 2
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
-.PHONY: help setup published cohort test test-all check docs gallery figures notebook benchmark wheel doctor format lock clean
+.PHONY: help setup dev published cohort test test-all check docs gallery figures notebook benchmark wheel doctor format lock clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -11,10 +11,13 @@ help: ## show this list
 setup: ## install what is missing: system packages, .venv, compiled kernels
 	@tools/setup.sh
 
+dev: ## and what checks the code and makes the documentation
+	@tools/setup.sh dev
+
 published: ## and pygalmesh, the paper's tool, which is compiled once
 	@tools/setup.sh published
 
-cohort: setup ## run the workflow on config.yaml (CORES=2)
+cohort: setup ## run the workflow on a demo cohort, in about five minutes (CORES=2)
 	snakemake --cores $(CORES)
 
 test: ## run the tests, in ten minutes (ARGS="-k quality" for some)
@@ -26,23 +29,23 @@ test-all: setup ## run every test, as CI does
 	@tools/setup.sh test
 	pytest --numprocesses $(CORES) --dist loadfile --no-loadscope-reorder $(ARGS)
 
-check: setup ## what every commit must pass, in a minute
+check: dev ## what every commit must pass, in a minute
 	tools/check.sh
 
-docs: setup ## make the pages of the documentation in .cache/docs
+docs: dev ## make the pages of the documentation in .cache/docs
 	sphinx-build -q -W --keep-going -d .cache/doctrees docs .cache/docs
 
-gallery: setup ## run the examples, and put their pictures into the documentation
+gallery: dev ## run the examples, and put their pictures into the documentation
 	tools/gallery.sh
 
 figures: setup ## make the other pictures of README and documentation anew, from the demo cohort
 	@tools/setup.sh test
 	python tools/figures.py
 
-notebook: setup ## run the notebook of examples/, and store its outputs
+notebook: dev ## run the notebook of examples/, and store its outputs
 	tools/notebook.sh
 
-benchmark: setup ## what became slower than in COMMIT (the last one), in CPU seconds of one run
+benchmark: dev ## what became slower than in COMMIT (the last one), in CPU seconds of one run
 	python benchmarks/speed.py slower $(COMMIT)
 
 wheel: ## build the package that `pip install` takes, in .cache/wheel; needs Python alone, and seconds
@@ -53,7 +56,7 @@ wheel: ## build the package that `pip install` takes, in .cache/wheel; needs Pyt
 doctor: setup ## prove that every dependency works
 	cortet doctor
 
-format: setup ## format and lint, mending what can be mended
+format: dev ## format and lint, mending what can be mended
 	ruff format .
 	ruff check --fix .
 	snakefmt Snakefile rules studies/Snakefile

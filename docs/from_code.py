@@ -1,7 +1,8 @@
 """What the pages say about parameters, commands, checks and messages, taken from the code at the moment they are built.
 
-Directives: `stages` of the line, `parameters SECTION` of the configuration, `commands` of the command line, `limits` of
-the certificate, `messages MODULE...` with their remedies. A page explains one message under `message TEXT` and one
+Directives: `parameters SECTION` of the configuration, `commands` of the command line, `limits` of
+the certificate, `messages MODULE...` with their remedies. What a directive contains in a page says where to look
+without a build, as on a code host. A page explains one message under `message TEXT` and one
 check under `check NAME`: a text or name that the code does not have, or a check that no page explains, is a warning of
 the build.
 """
@@ -71,16 +72,13 @@ class Message(NamedTuple):
 # --- stages ----------------------------------------------------------------------------------------------------------
 
 
-class Stages(SphinxDirective):
-    """The line of stages as a table, each with a link to its page."""
-
-    def run(self) -> list[nodes.Node]:
-        """Nodes of the table."""
-        rows = [
-            f"| [{stage.number} {stage.name}]({stage.name}.md) | {stage.does} | {_when(stage)} |"
-            for stage in STAGES.values()
-        ]
-        return self.parse_text_to_nodes("\n".join(["| stage | what it does | when |", "|---|---|---|", *rows]))
+def stages_table() -> str:
+    """The line of stages as a table, each with a link to its page; the page holds it, and a test compares."""
+    rows = [
+        f"| [{f'{stage.number} {stage.name}'.strip()}]({stage.name}.md) | {stage.does} | {_when(stage)} |"
+        for stage in STAGES.values()
+    ]
+    return "\n".join(["| stage | what it does | when |", "|---|---|---|", *rows])
 
 
 def _when(stage: Stage) -> str:
@@ -97,6 +95,7 @@ def _when(stage: Stage) -> str:
 class Parameters(SphinxDirective):
     """Every key of a section of the configuration: type, default, value in other settings, meaning."""
 
+    has_content = True
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
@@ -181,6 +180,8 @@ def _plain(value: Any) -> str:
 class Commands(SphinxDirective):
     """Every command of the command line: arguments and options, as its function has them."""
 
+    has_content = True
+
     def run(self) -> list[nodes.Node]:
         """A section for each command."""
         text = "\n".join(line for name, command in commands() for line in _usage(name, command))
@@ -212,6 +213,8 @@ def _argument(one: Argument) -> Iterator[str]:
 
 class Limits(SphinxDirective):
     """Table of the certificate's checks with their limits and remedies, as `certify` makes them."""
+
+    has_content = True
 
     def run(self) -> list[nodes.Node]:
         """The table."""
@@ -271,6 +274,7 @@ PARTS = {
 class Messages(SphinxDirective):
     """Messages of modules with their remedies; without modules those of all parts, a section for each."""
 
+    has_content = True
     optional_arguments = 1
     final_argument_whitespace = True
 
@@ -433,7 +437,6 @@ def describe_below(_app: Sphinx, _what: str, _name: str, _object: Any, _options:
 
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the directives."""
-    app.add_directive("stages", Stages)
     app.add_directive("parameters", Parameters)
     app.add_directive("commands", Commands)
     app.add_directive("limits", Limits)

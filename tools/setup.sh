@@ -3,7 +3,8 @@
 #
 #   tools/setup.sh              the default line, and the setting `cgal` by the wheel of that name: nothing is compiled
 #   tools/setup.sh published    the paper's own tool as well: pygalmesh, which has no wheel, is compiled, once
-#   tools/setup.sh test         that, the programs that tests call, the other meshers and Snakemake's plugin for SLURM
+#   tools/setup.sh dev          the default line, and what checks the code and makes the documentation
+#   tools/setup.sh test         all of these, the programs that tests call, the other meshers and Snakemake's plugin for SLURM
 #
 #   PYTHON=python3.12      interpreter to use (default: the first that fits)
 #   CORTET_WHEELS=FOLDER   where the compiled pygalmesh is kept (default: ~/.cache/cortet/untimed-wheels)
@@ -15,6 +16,7 @@ venv=.venv
 wheels=${CORTET_WHEELS:-${XDG_CACHE_HOME:-$HOME/.cache}/cortet/untimed-wheels}
 pygalmesh=$(sed -n 's/^\(pygalmesh==[^ ;]*\).*/\1/p' requirements.txt)
 pygalmesh_sources=8
+kernel_count=130
 
 # Shared libraries that wheels load from the system: Gmsh, PyMeshLab, VTK; GMP and MPFR for pygalmesh.
 run_packages=(libglu1-mesa libgl1 libopengl0 libegl1 libxrender1 libxcursor1 libxft2 libxinerama1 libgmp10 libmpfr6)
@@ -30,11 +32,12 @@ fail() { say "$@"; exit 1; }
 
 # --- the stamp: written last, names what the environment was made from -----------------------------------------------
 
-wanted_stamp() { cat requirements.txt requirements-optional.txt tools/setup.sh | sha256sum | cut -d' ' -f1; }
+wanted_stamp() { cat requirements*.txt tools/setup.sh | sha256sum | cut -d' ' -f1; }
 has_stamp() { [[ -x $venv/bin/python && $(cat "$venv/.stamp$1" 2>/dev/null) == "$(wanted_stamp)" ]] && $venv/bin/python -c ''; }
 is_ready() {
     has_stamp '' || return
-    [[ $what == default ]] || has_stamp .published || return
+    [[ ! $what =~ dev|test ]] || has_stamp .dev || return
+    [[ ! $what =~ published|test ]] || has_stamp .published || return
     [[ $what != test ]] || has_stamp .test
 }
 
@@ -107,11 +110,11 @@ install_pygalmesh() {
 
 cgal_version() { echo '#include <CGAL/version.h>' | g++ -E -dM -x c++ - 2>/dev/null | awk '$2 == "CGAL_VERSION" {print $3}'; }
 
+# Says every half minute that the rest of its arguments is going on, after a command that prints how far; until it is ended.
 report_progress() {
-    local log=$1 began=$SECONDS
-    while sleep 60 && kill -0 $$ 2>/dev/null; do
-        say "compiling pygalmesh: file $(grep -c -- ' -c src/' "$log") of $pygalmesh_sources, $(((SECONDS - began) / 60)) min"
-    done
+    local how_far=$1 began=$SECONDS
+    shift
+    while sleep 30 && kill -0 $$ 2>/dev/null; do say "$*: $(eval "$how_far"), $((SECONDS - began)) s"; done
 }
 
 # Compiles the wheel into the cache. Two set-ups at once compile it once: the second waits.
@@ -134,7 +137,7 @@ compile_pygalmesh() {
     rm -rf "$wheels"/.build.* # of a set-up that was killed
     build=$(mktemp -d "$wheels/.build.XXXXXX")
     : >"$log"
-    report_progress "$log" 8<&- 9<&- & progress=$!
+    report_progress "grep -c -- ' -c src/' '$log'" "compiling pygalmesh, $pygalmesh_sources files" 8<&- 9<&- & progress=$!
     # CGAL gives perturbation the wall-clock time that refinement took: a mesh would depend on what else the machine does.
     $venv/bin/python -m pip download --quiet --no-deps --no-build-isolation --no-binary pygalmesh --dest "$build" "$pygalmesh" &&
         mkdir "$build/source" && tar -xf "$build"/pygalmesh-*.tar.gz -C "$build/source" --strip-components 1 &&
@@ -157,7 +160,7 @@ compile_pygalmesh() {
 
 # --- the environment -------------------------------------------------------------------------------------------------
 
-[[ $what =~ ^(default|published|test)$ ]] || fail "unknown: $what (say published, test, or nothing)"
+[[ $what =~ ^(default|dev|published|test)$ ]] || fail "unknown: $what (say dev, published, test, or nothing)"
 # https://github.com/snakemake/snakemake/issues/2645: no job would run, and none would have a log
 odd=$'[][ \t\n\'"()$&;|<>*?{}!#\\\\`]'
 [[ ! $PWD =~ $odd ]] ||
@@ -172,7 +175,7 @@ if ! has_stamp ''; then
     install_packages "${run_packages[@]}" $(python_packages)
     makes_venvs "$python" || fail "$python cannot make virtual environments (no module venv or ensurepip)"
 
-    say "making $venv with $("$python" --version) and the packages of requirements.txt"
+    say "making $venv with $("$python" --version) and $(grep -c == requirements.txt) packages: a minute or two, by how fast they download"
     [[ ! -L $venv ]] || fail "$venv is a link: what it leads to would be emptied; delete the link"
     "$python" -m venv --clear $venv
     pip=($venv/bin/python -m pip --disable-pip-version-check --quiet)
@@ -181,12 +184,21 @@ if ! has_stamp ''; then
     # setuptools warns of every editable installation
     PYTHONWARNINGS=ignore "${pip[@]}" install --no-deps --no-build-isolation --editable .
 
-    say "compiling the kernels, once per machine and version"
-    $venv/bin/python -c 'from cortet.pipeline import warm_up; warm_up()'
+    say "compiling the numerical code, once per machine and version: a minute or two"
+    kernels=$($venv/bin/python -c 'from cortet.geometry.kernel_cache import cache_folder; print(cache_folder())')
+    report_progress "find '$kernels' -name '*.nbc' | wc -l" "compiled functions, of about $kernel_count" 9<&- & progress=$!
+    $venv/bin/python -c 'from cortet.pipeline import warm_up; warm_up()' || { kill $progress; exit 1; }
+    kill $progress
     wanted_stamp >$venv/.stamp
 fi
 
-if [[ $what != default ]] && ! has_stamp .published; then
+if [[ $what =~ dev|test ]] && ! has_stamp .dev; then
+    say "installing what developers need: requirements-dev.txt"
+    $venv/bin/python -m pip --disable-pip-version-check --quiet install --no-deps -r requirements-dev.txt
+    wanted_stamp >$venv/.stamp.dev
+fi
+
+if [[ $what =~ published|test ]] && ! has_stamp .published; then
     pip=($venv/bin/python -m pip --disable-pip-version-check --quiet)
     tag=$($venv/bin/python -c 'import sys; print("cp%d%d" % sys.version_info[:2])')
     compgen -G "$wheels/pygalmesh-*-$tag-*.whl" >/dev/null || install_packages "${build_packages[@]}"

@@ -36,7 +36,8 @@ def values_of(given: ArrayLike, what: str = "values") -> NDArray[Any]:
         raise InputError(what, remedy="give numbers, (n,) or (n, k)") from error
     if values.dtype.kind not in "biuf" or values.ndim not in (1, 2):
         raise InputError(
-            f"{what}: the type is {values.dtype} and the shape {values.shape}", remedy="give numbers, (n,) or (n, k)"
+            f"{what}: the type is {values.dtype} and the shape {values.shape}",
+            remedy="give real numbers, (n,) or (n, k), such as the real part of complex ones",
         )
     return values
 

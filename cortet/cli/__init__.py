@@ -115,7 +115,7 @@ def _complaint(error: CycloptsError) -> str:
 
 
 def _usage(command: list[str], complaint: str) -> SystemExit:
-    """The end of the program after wrong usage, which is told."""
+    """Print the error, and end the program with the exit code of wrong usage."""
     name = " ".join(command)
     print(f"{name}: {complaint} (usage: {name} --help)", file=sys.stderr)
     return SystemExit(2)

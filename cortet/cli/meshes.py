@@ -272,6 +272,7 @@ def project(
     depth: Depth | None = None,
     equidistant: bool = False,
     layer: Annotated[int | None, number(1, MOST_LAYERS, "N", whole=True)] = None,
+    field: Annotated[Sequence[str], Parameter(metavar="NAME")] = (),
     surface: InputFile | None = None,
     _: Writes = Writes(),
 ) -> int:
@@ -289,6 +290,8 @@ def project(
         Measure depths in % by the length of a column of the cortex instead of its volume.
     layer
         Project means over layer N of a mesh that was made with --layers; layer 1 is outermost.
+    field
+        Project only this field; repeatable (default: all fields).
     surface
         Surface to project onto (default: from the sidecar of the mesh).
 
@@ -300,7 +303,7 @@ def project(
     from cortet.formats.gifti import hemisphere_of, require_same_hemisphere, write_fields
     from cortet.measure.layers import bounds_of
     from cortet.solver_files.laminar import Laminar
-    from cortet.solver_files.results import on_surface, read_result
+    from cortet.solver_files.results import chosen, on_surface, read_result
     from cortet.solver_files.sidecar import read_sidecar
     from cortet.solver_files.surface_map import map_of_file
 
@@ -329,7 +332,8 @@ def project(
         there = found.weights((depth.first, depth.last) if depth else None)
         if depth:
             print("depths are measured along the surface normal")
-    fields, told = on_surface(read_result(result), there, file=result, mesh_file=mesh)
+    steps = read_result(result)
+    fields, told = on_surface(chosen(steps, field, result) if field else steps, there, file=result, mesh_file=mesh)
     for line in told:
         print(f"{result}: {line}")
     write_fields(fields, output, hemisphere=hemisphere)

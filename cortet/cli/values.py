@@ -129,7 +129,8 @@ def _depth(_: object, tokens: Sequence[Token]) -> Below:
     """MM, or a range FROM:TO; with % at the end parts of the cortex."""
     text = tokens[-1].value
     relative = text.endswith("%")
-    first, *more = [Number(0, 1000 if relative else 100).read(one) for one in text.removesuffix("%").split(":")]
+    ends = [end.removesuffix("%") if relative else end for end in text.split(":")]
+    first, *more = [Number(0, 1000 if relative else 100).read(end) for end in ends]
     if len(more) > 1 or first > (last := more[0] if more else first):
         raise ValueError(f"{text!r} must be MM or FROM:TO, with or without a final %")
     scale = 0.01 if relative else 1.0

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import glob
+import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 from cortet.cohort.ages import ages_at_scan
+from cortet.cohort.bids import DESCRIPTION, is_own_output
 from cortet.cohort.sheet import HEMISPHERES, WHITE, Case, is_file_name
 from cortet.config import Scan
 from cortet.errors import InputError
+from cortet.formats.ownership import json_of
 from cortet.formats.untrusted import ELSEWHERE, content_is_elsewhere, is_there
 
 #: any entities of BIDS, such as `_ses-1_acq-T1w_hemi-L`
@@ -24,6 +28,11 @@ _OWN_SPACES = {
 }
 #: between the session and the base in the name of a folder of FreeSurfer's longitudinal stream
 _LONGITUDINAL = ".long."
+#: example subject that FreeSurfer has in its folder of subjects
+_EXAMPLE = "bert"
+#: folder of a dataset that holds the results of pipelines, and folders whose parent is the dataset that theirs is from
+_DERIVATIVES = "derivatives"
+_WITHIN_A_DATASET = (_DERIVATIVES, "sourcedata")
 #: most files that a remark names
 _MOST_NAMES = 5
 #: participant, session and hemisphere
@@ -35,14 +44,19 @@ _WHITE = re.compile(r"(?<![A-Za-z0-9])(wm|white|smoothwm)(?=(\.[A-Za-z0-9_]+)*$)
 def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], object] = lambda _: None) -> list[Case]:
     """The hemispheres of a dHCP-like release, sorted by name.
 
-    A case whose age is in no table has none. `say` is called with remarks on where ages come from and what is not read.
+    A raw dataset has those of the one pipeline with surfaces among its derivatives, and a derivative has the ages of
+    the datasets that it is from. A case whose age is in no table has none. `say` is called with remarks on where ages
+    come from and what is not read.
     """
     patterns = patterns or Scan()
+    directory = _with_surfaces(directory, patterns, say)
     found = _surfaces(directory, patterns, say)
+    datasets = _datasets_of(directory)
     sessions = list(dict.fromkeys((participant, session) for participant, session, _ in found))
     tables = {
         (participant, session): [
-            (name, directory / _filled(name, {"participant": participant, "session": session}))
+            (name, dataset / _filled(name, {"participant": participant, "session": session}))
+            for dataset in datasets
             for name in (patterns.sessions, patterns.participants)  # the first tables count most
         ]
         for participant, session in sessions
@@ -65,6 +79,47 @@ def scan(directory: Path, patterns: Scan | None = None, say: Callable[[str], obj
     return cases
 
 
+def _with_surfaces(directory: Path, patterns: Scan, say: Callable[[str], object]) -> Path:
+    """The folder with the surfaces of a dataset: itself or, without any, the only one of its derivatives that has some.
+
+    Raises InputError if the surfaces of several pipelines are there.
+    """
+    around = directory if directory.absolute().name == _DERIVATIVES else directory / _DERIVATIVES
+    if not around.is_dir() or _has_surfaces(directory, patterns):
+        return directory
+    folders = sorted(folder for folder in around.iterdir() if folder.is_dir() and not is_own_output(folder))
+    pipelines = [folder for folder in folders if _has_surfaces(folder, patterns)]
+    if len(pipelines) > 1:
+        what = f"{len(pipelines)} pipelines have surfaces: {', '.join(folder.name for folder in pipelines)}"
+        raise InputError(what, file=around, remedy=f"choose one, and give its folder, such as {pipelines[0]}")
+    if pipelines:
+        say(f"surfaces are read from {pipelines[0]}")
+    return pipelines[0] if pipelines else directory
+
+
+def _has_surfaces(directory: Path, patterns: Scan) -> bool:
+    return any(True for pattern in patterns.surfaces for _ in _matches(directory, pattern))
+
+
+def _datasets_of(directory: Path) -> list[Path]:
+    """A dataset, those that it is from, as its description names them, and those that it lies in.
+
+    `file:` and relative addresses of the description lead to a folder; others, such as a DOI, do not.
+    """
+    about = json_of(directory / DESCRIPTION)
+    links, named = about.get("DatasetLinks"), about.get("SourceDatasets")
+    addresses = [*links.values()] if isinstance(links, dict) else []
+    addresses += [one.get("URL") for one in named if isinstance(one, dict)] if isinstance(named, list) else []
+    local = [re.fullmatch(r"(?:file:(?://[^/]*)?)?([^:]+)", str(address)) for address in addresses]
+    folders = [directory / unquote(match[1]) for match in local if match and is_file_name(match[1])]
+    folders += [folder.parent for folder in directory.absolute().parents if folder.name in _WITHIN_A_DATASET]
+    datasets = {os.path.realpath(directory): directory}
+    for folder in folders:
+        if folder.is_dir():
+            datasets.setdefault(os.path.realpath(folder), folder)
+    return list(datasets.values())
+
+
 def _surfaces(directory: Path, patterns: Scan, say: Callable[[str], object]) -> dict[_Key, Path]:
     """The surface of each hemisphere: of the first pattern that finds one, of several that with fewest entities.
 
@@ -82,6 +137,10 @@ def _surfaces(directory: Path, patterns: Scan, say: Callable[[str], object]) -> 
         return ", ".join(names + [f"and {len(paths) - _MOST_NAMES} more"] * (len(paths) > _MOST_NAMES))
 
     found = {key: sorted(places, key=rank) for key, places in _candidates(directory, patterns.surfaces, say).items()}
+    examples = [key for key in found if key[0] == _EXAMPLE]
+    if 0 < len(examples) < len(found):
+        say(f"{_EXAMPLE} is left out: it is FreeSurfer's example subject")
+        found = {key: places for key, places in found.items() if key not in examples}
     taken = {key: places[0][1] for key, places in found.items()}
     beside: list[Path] = []
     for (number, first), *others in found.values():
@@ -259,7 +318,7 @@ def _matches(directory: Path, pattern: str) -> Iterator[tuple[Path, dict[str, st
     expression, seen = "", set[str]()
     for text, name in zip(parts[::2], [*parts[1::2], ""], strict=True):
         anyhow = name == "participant" and pattern.startswith("{participant}/")
-        form = r"(?!sub-|fsaverage)[A-Za-z0-9][A-Za-z0-9_.-]*" if anyhow else "[A-Za-z0-9]+"
+        form = r"(?!sub-|fsaverage|cvs_avg35)[A-Za-z0-9][A-Za-z0-9_.-]*" if anyhow else "[A-Za-z0-9]+"
         form = _ENTITIES if name == "entities" else form
         label = f"(?P={name})" if name in seen else f"(?P<{name}>{form})"
         expression += re.escape(text) + (label if name else "")

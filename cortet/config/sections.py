@@ -50,7 +50,7 @@ class Scan(Section):
     """Patterns of the surfaces, relative to the dataset. The first pattern that finds a case is used, but a surface in
     the space of a template (_space-MNI...) comes last. Surfaces may be gzipped (.gz). {entities} matches any BIDS
     entities, such as _ses-1_run-2_hemi-L_space-T1w. A pattern that begins with {participant}/ matches folders of any
-    name except sub-... and fsaverage, as FreeSurfer and HCP have them."""
+    name except sub-..., fsaverage and cvs_avg35, as FreeSurfer and HCP have them."""
     pial: bool = False
     """true: where a white surface has a pial one next to it, the pial surface is meshed and the white one is inside."""
     fields: dict[str, list[str]] = {}

@@ -94,7 +94,7 @@ class Folds:
         return [] if start is None else weeks_of(surfaces, start, changed.get("end", fold.end))
 
     def arguments(self, job: Wildcards) -> dict[str, Any]:
-        """What a fold needs besides its mesh (`folding.section.Settings`)."""
+        """What a fold needs besides its mesh (`config.fold.Settings`)."""
         case, fold = self.plan.cases[job["case"]], self.plan.config.fold
         changed = fold.variants.get(job.get("variant", "").lower(), {})
         return {**fold.values(), "gestational_age": case.scan_age, "hemisphere": case.hemi, **changed}

@@ -68,6 +68,9 @@ _GROUPS = re.compile(rb'^\s*([0-3])\s+(\d+)\s+"([^"\n]*)"\s*$', re.MULTILINE)
 _NAMED = re.compile(rb"^(?:\$ property|\*\* region) (\d{1,8}): (\S.*?)\s*$", re.MULTILINE)
 #: lines that meshio takes for the end of a block
 _COMMENTS = re.compile(rb"^\*\*[^\n]*(?:\n|\Z)", re.MULTILINE)
+#: what Abaqus takes and meshio does not: commas at the end of data, types of elements in lower case
+_LAST_COMMA = re.compile(rb"^([ \t]*[^*\s][^\n]*?),[ \t]*(?=\r?$)", re.MULTILINE)
+_TYPE = re.compile(rb"^\*ELEMENT\b[^\n]*\bTYPE\s*=\s*\w+", _LINES)
 #: cards of Nastran that meshio does not follow: nodes of other files, or in other coordinate systems
 _ELSEWHERE = re.compile(rb"^(?:INCLUDE\b|CORD[12][RCS]\b)[^\n]*", _LINES)
 #: fields of Gmsh; meshio takes their rows in the order of the file, whatever their numbers, and fails on some
@@ -141,17 +144,20 @@ def _read_abaqus(path: Path) -> Any:
         raise ValueError(
             f"cortet reads one part of nodes, elements and sets, not {[*strange, 'two blocks of one ELSET'][0]}"
         )
-    found = _read_changed(_COMMENTS.sub(b"", text), path, meshio.abaqus.read)
+    plain = _TYPE.sub(lambda match: match[0].upper(), _LAST_COMMA.sub(rb"\1", _COMMENTS.sub(b"", text)))
+    found = _read_changed(plain, path, meshio.abaqus.read)
     found.field_data = {name: [tag, 3] for name, tag in _named(text).items()}
     return found
 
 
 def _read_nastran(path: Path) -> Any:
-    text = content(path)
-    card = _ELSEWHERE.search(text)
-    if card or not 0 <= text.find(b"BEGIN BULK") < text.find(b"\nENDDATA"):
-        raise ValueError(f"it is not plain bulk data to ENDDATA: {card[0].decode('ascii', 'replace') if card else ''}")
-    found = meshio.nastran.read(str(path))
+    text = content(path).expandtabs(8)
+    text = text if b"BEGIN BULK" in text else b"BEGIN BULK\n" + text
+    if card := _ELSEWHERE.search(text):
+        raise ValueError(f"it is not plain bulk data: {card[0].decode('ascii', 'replace')}")
+    if text.find(b"BEGIN BULK") > text.find(b"\nENDDATA"):
+        raise ValueError("it has no line ENDDATA: its end may be missing")
+    found = _read_changed(text, path, meshio.nastran.read)
     solids = _of("tetra", found, found.cell_data["nastran:ref"])
     found.field_data = {name: [tag, 3 if tag in solids else 2] for name, tag in _named(text).items()}
     return found

@@ -12,7 +12,7 @@ second the equivolumetric depth of Bok (M. D. Waehnert et al., NeuroImage 93, 20
 The gradient of linear elements jumps from one tetrahedron to the next. Here the gradient at a node is that of the
 harmonic polynomial of second degree that fits φ best at the node and its neighbours (a polynomial-preserving recovery,
 Z. Zhang and A. Naga, SIAM Journal on Scientific Computing 26, 2005, 1192-1213). It is linear between nodes, so lines
-are smooth.
+are smooth. On a sharp crest the fit may lead out of the wall; there the gradient is that along the steepest edge.
 """
 
 from __future__ import annotations
@@ -137,17 +137,18 @@ def columns(wall: TetMesh, phi: FloatArray) -> Columns:
     wall : tetrahedra between two surfaces, all nodes used
     phi : (n,) harmonic in the wall, 0 on one surface and 1 on the other
     """
-    gradient = recovered_gradient(wall, phi)
-    potential = Potential(wall.points, wall.cells, neighbours(wall), _slopes(wall), phi, gradient)
+    potential = _leading_inward(
+        Potential(wall.points, wall.cells, neighbours(wall), _slopes(wall), phi, recovered_gradient(wall, phi))
+    )
     nodes = np.arange(len(phi), dtype=np.int32)
     endless = np.full(len(phi), np.inf)
     to_zero, to_one = (_lines(potential, goal, nodes, endless, by_volume=True) for goal in (0.0, 1.0))
-    return Columns(wall, potential, unit_vectors(gradient), to_zero, to_one)
+    return Columns(wall, potential, unit_vectors(potential.gradient), to_zero, to_one)
 
 
 def _lines(potential: Potential, goal: float, nodes: IntArray, most: FloatArray, *, by_volume: bool) -> Lines:
     """Lines from some nodes (k,) to where φ is `goal`, or as far as `most` (k,), a volume or a length."""
-    first = _first_cells(potential, potential.gradient if goal else -potential.gradient)
+    first, _ = _first_cells(potential, potential.gradient if goal else -potential.gradient)
     return Lines(*_follow(potential, nodes, first[nodes], goal, most, by_volume))
 
 
@@ -172,8 +173,22 @@ def _slopes(mesh: TetMesh) -> FloatArray:
     return np.ascontiguousarray(inward / six_volumes[:, None, None])
 
 
-def _first_cells(potential: Potential, direction: FloatArray) -> IntArray:
-    """The tetrahedron at each node into which a direction leads most: (n,) int32."""
+def _leading_inward(potential: Potential) -> Potential:
+    """The potential with the steepest edge as gradient at the nodes of a surface where the gradient leads outward."""
+    phi, gradient = potential.phi, potential.gradient.copy()
+    _, inside = _first_cells(potential, np.where(phi[:, None] > 0.5, -gradient, gradient))
+    outward = (inside < 0) & ((phi == 0) | (phi == 1))
+    ends = np.concatenate([found := edges(potential.cells), found[:, ::-1]])
+    ends = ends[outward[ends[:, 0]]]
+    side = potential.points[ends[:, 1]] - potential.points[ends[:, 0]]
+    along = side * ((phi[ends[:, 1]] - phi[ends[:, 0]]) / np.einsum("ec,ec->e", side, side))[:, None]
+    order = np.argsort(np.linalg.norm(along, axis=1), kind="stable")  # the last one written, the steepest, stays
+    gradient[ends[order, 0]] = along[order]
+    return potential._replace(gradient=gradient)
+
+
+def _first_cells(potential: Potential, direction: FloatArray) -> tuple[IntArray, FloatArray]:
+    """The tetrahedron at each node into which a direction leads most: (n,) int32; and how much, < 0: into none."""
     best, cell = np.full(len(direction), -np.inf), np.zeros(len(direction), np.int32)
     for corner, nodes in enumerate(potential.cells.T):
         others = [other for other in range(4) if other != corner]
@@ -181,7 +196,7 @@ def _first_cells(potential: Potential, direction: FloatArray) -> IntArray:
         order = np.argsort(inside, kind="stable")  # of several tetrahedra at a node the last one written stays
         better = order[inside[order] > best[nodes[order]]]
         best[nodes[better]], cell[nodes[better]] = inside[better], better
-    return cell
+    return cell, best
 
 
 @numba.njit(cache=True, error_model="numpy")

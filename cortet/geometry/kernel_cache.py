@@ -78,7 +78,7 @@ os.register_at_fork(after_in_child=_note_fork)
 
 
 def cache_folder() -> Path:
-    """Folder of all compiled kernels of this user; a temporary one, which is said, if there is no place for it."""
+    """Folder of all compiled kernels of this user; a temporary folder, with a warning, if the cache is not writable."""
     try:
         home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
         folder = Path(home) / "cortet" / "kernels"

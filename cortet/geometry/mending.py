@@ -116,8 +116,8 @@ def without_lines(work: Triangles) -> tuple[Triangles, IntArray]:
 def without_duplicates(work: Triangles) -> tuple[Triangles, IntArray]:
     """The triangles with at most one face on the same three vertices; returns also the numbers of removed faces.
 
-    Two faces in opposite directions separate two bodies, and both go. If more faces point one way, the first of them
-    stays.
+    Two faces in opposite directions separate two bodies, and both go; if all faces are such pairs, the surface was
+    written with two sides, and one stays. If more faces point one way, the first of them stays.
     """
     key = packed(work.faces)
     order = np.argsort(key, kind="stable")
@@ -128,6 +128,7 @@ def without_duplicates(work: Triangles) -> tuple[Triangles, IntArray]:
     first_of = order[starts][group]
     same_side = _follows(work.faces) == _follows(work.faces)[first_of]
     balance = np.bincount(group, np.where(same_side, 1, -1))
+    balance = balance if balance.any() else np.ones_like(balance)
     # the first face of the direction that has more; none in a tie
     wanted = np.flatnonzero(np.where(balance[group] > 0, same_side, ~same_side) & (balance[group] != 0))
     stays = np.zeros(len(order), np.bool_)

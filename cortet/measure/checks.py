@@ -136,9 +136,9 @@ class Check:
         """Name, value and limit in plain words."""
         unit = f" {self.unit}" if self.unit else ""
         if self.comparison is None or self.limit is None:
-            return f"{self.name} {in_words(self.value)}{unit}, no limit"
+            return f"{self.name}: {in_words(self.value)}{unit} (no limit)"
         value, limit = beside_limit(self.value, self.limit)
-        return f"{self.name} {value}{unit}, {_COMPARE[self.comparison][1]} {limit}{unit}"
+        return f"{self.name}: {value}{unit} ({_COMPARE[self.comparison][1]} {limit}{unit})"
 
 
 class Number(NamedTuple):

@@ -65,7 +65,10 @@ class Cortex(NamedTuple):
 
 
 class Layers(NamedTuple):
-    """Fields and layers of a mesh. Outside the cortex depths are those of the nearer surface, and all else is 0."""
+    """Fields and layers of a mesh. Outside the cortex depths are those of the nearer surface, and directions are 0.
+
+    Thickness is NaN wherever there is no column: a 0 would count in means.
+    """
 
     #: name -> (n,) or (n, 3), at nodes
     of_nodes: dict[str, FloatArray]
@@ -198,7 +201,7 @@ def _fields(cortex: Cortex) -> tuple[dict[str, FloatArray], dict[str, FloatArray
     found, known, cells = cortex.columns, cortex.known, cortex.columns.wall.cells
     of_nodes = {
         COLUMN: np.where(known[:, None], found.direction, 0.0),
-        THICKNESS: np.where(known, found.thickness, 0.0),
+        THICKNESS: np.where(known, found.thickness, np.nan),
     }
     of_cells = {name: values[cells].mean(axis=1) for name, values in of_nodes.items()}
     of_cells[COLUMN] = unit_vectors(of_cells[COLUMN])
@@ -212,8 +215,9 @@ def _fields(cortex: Cortex) -> tuple[dict[str, FloatArray], dict[str, FloatArray
 
 def _everywhere(name: str, values: FloatArray, where: Any, within: Any, count: int) -> FloatArray:
     """A field of the cortex on the entire mesh; a depth is 1 inside the white surface."""
-    every = np.zeros((count, *values.shape[1:]))
-    every[within] = float(name in (DEPTH, EQUIVOLUMETRIC))
+    every = np.full((count, *values.shape[1:]), np.nan if name == THICKNESS else 0.0)
+    if name in (DEPTH, EQUIVOLUMETRIC):
+        every[within] = 1.0
     every[where] = values
     return every
 

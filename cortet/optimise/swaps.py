@@ -375,7 +375,7 @@ def improve(mesh: Swappable, tree: SurfaceTree, threshold: float) -> SwapCount:
 
 @numba.njit(cache=True, error_model="numpy")
 def _beside(mesh, changed):  # type: ignore[no-untyped-def]
-    """Vertices (n,) whose tetrahedra may swap otherwise than before, once some vertices have `changed`.
+    """(n,) vertices whose incident tetrahedra need another round of swaps, once some vertices have `changed`.
 
     A flip looks beyond the tetrahedra that it replaces: at those of the other vertices of its faces. So changed
     vertices whose edges may be flipped count for all vertices of their tetrahedra.

@@ -272,7 +272,8 @@ def _with_face_sets(mesh: TetMesh) -> tuple[TetMesh, str]:
     nodes = own.nodes | {name: np.unique(made[name]) for name in (CORTICAL_SURFACE, MEDIAL_WALL) if name in made}
     cells = own.cells or named_sets(mesh).sets.cells
     lost = [name for name in nodes if name.endswith(INTERFACE) and name not in made]
-    how = "cortet made sets of faces from its sets of nodes"
+    made_from = "its sets of nodes" if own.nodes else "its boundary"
+    how = f"cortet made sets of faces from {made_from}"
     if lost:
         how += f", but none of {', '.join(lost)}, which lie inside the mesh"
     return replace(mesh, sets=MeshSets(nodes, made, cells)), how

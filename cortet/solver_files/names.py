@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.errors import InputError
+from cortet.formats import FORMATS
 from cortet.formats.tags import face_tags, regions
 from cortet.formats.untrusted import safely_named
+from cortet.measure.layers import THICKNESS
 from cortet.meshes import REGION, MeshSets, TetMesh
 from cortet.solver_files.sets import set_name
 
@@ -30,12 +32,13 @@ _T = TypeVar("_T")
 def writable(mesh: TetMesh, solver: str) -> tuple[TetMesh, list[str]]:
     """The mesh with numbers and names that the files of a solver hold, and the changed names in words.
 
-    Truth values become 1 and 0, half precision becomes single, and (n, 3, 3) tensors nine components. Names have no
-    slashes or tabs and at most 80 letters; where files are in ASCII, `dïcke` becomes `dicke`, for Abaqus `a b` `a_b`.
+    Truth values become 1 and 0, half precision becomes single, and (n, 3, 3) tensors nine components. An unknown
+    thickness of the cortex, NaN, becomes 0 unless the format is for viewers. Names have no slashes or tabs and at most
+    80 letters; where files are in ASCII, `dïcke` becomes `dicke`, for Abaqus `a b` `a_b`.
     """
     sets = MeshSets(*(_renamed(named, solver) for named in (mesh.sets.nodes, mesh.sets.faces, mesh.sets.cells)))
     of_nodes, of_cells = (
-        _renamed({name: _real(name, values) for name, values in fields.items()}, solver)
+        _renamed({name: _real(name, values, solver) for name, values in fields.items()}, solver)
         for fields in (mesh.point_data, mesh.cell_data)
     )
     made = replace(mesh, point_data=of_nodes, cell_data=of_cells, sets=sets)
@@ -88,14 +91,16 @@ def _named(mesh: TetMesh) -> tuple[Mapping[str, object], ...]:
     return mesh.point_data, mesh.cell_data, mesh.sets.nodes, mesh.sets.faces, mesh.sets.cells
 
 
-def _real(name: str, values: NDArray[Any]) -> NDArray[Any]:
-    """The values of a field, (n,) or (n, k), as whole or real numbers of a kind that files have."""
+def _real(name: str, values: NDArray[Any], solver: str) -> NDArray[Any]:
+    """The values of a field, (n,) or (n, k), as whole or real numbers of a kind that its files have."""
     if values.dtype.kind not in "biuf" or (len(values) and not values.size):
         what = (
             f"the field {name} has the shape {values.shape} and the type {values.dtype}, which no mesh file can store"
         )
         raise InputError(what, remedy="give real numbers, for example the real part or modulus of a complex field")
     kind = {"?": np.uint8, "e": np.float32, "g": np.float64}.get(values.dtype.char, values.dtype.newbyteorder("="))
+    if name == THICKNESS and not FORMATS[solver].has_q:
+        values = np.nan_to_num(values)
     return (values.reshape(len(values), -1) if values.ndim > 2 else values).astype(kind, copy=False)
 
 

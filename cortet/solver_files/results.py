@@ -5,7 +5,8 @@ from __future__ import annotations
 import pickle
 import signal
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -81,6 +82,19 @@ def read_result(path: Path) -> Iterator[Step]:
             if not len(points):
                 raise DamagedFileError("holds no nodes", file=path)
             yield Step(time, sound(path, points, *content))
+
+
+def chosen(steps: Iterable[Step], names: Collection[str], file: Path) -> Iterator[Step]:
+    """The steps with only some of their fields, by name; InputError if one lacks such a field."""
+    for time, mesh in steps:
+        if absent := [name for name in names if name not in (known := {**mesh.point_data, **mesh.cell_data})]:
+            fields = ", ".join(name for name in known if not holds_set(name))
+            raise InputError(f"has no field {', '.join(absent)}", file=file, remedy=f"name one of {fields or 'none'}")
+        of_nodes, of_cells = (
+            {name: values for name, values in fields.items() if name in names}
+            for fields in (mesh.point_data, mesh.cell_data)
+        )
+        yield Step(time, replace(mesh, point_data=of_nodes, cell_data=of_cells))
 
 
 def _require_steps(path: Path) -> None:

@@ -197,7 +197,8 @@ def require_size(
         volume = abs(enclosed_volume(shape.points, shape.faces)) / 1000
     else:
         volume = abs(float(signed_volumes(shape.points, shape.cells).sum())) / 1000
-    long = float(np.ptp(shape.points, axis=0).max())
+    corners = shape.faces if isinstance(shape, TriSurface) else shape.cells
+    long = float(np.ptp(shape.points[np.unique(corners)], axis=0).max())  # what nothing uses may lie anywhere
     extents, volumes = (STATED_EXTENT_MM, STATED_VOLUME_ML) if stated else (EXTENT_MM, VOLUME_ML)
     if extents[0] <= long <= extents[1] and volumes[0] <= volume <= volumes[1]:
         return

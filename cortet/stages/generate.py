@@ -73,7 +73,7 @@ def generate(
     Raises
     ------
     InputError
-        the surface is not one closed manifold, or the cell size or the mesher is none
+        the surface is not one closed manifold, or the cell size or the mesher is not supported
     StageError
         the backend failed, is not installed, or returned nothing
     """

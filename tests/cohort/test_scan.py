@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from cortet.cohort.bids import DESCRIPTION
 from cortet.cohort.scan import scan
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
 from cortet.cohort.user_files import missing_surface
@@ -24,10 +26,10 @@ def touched(folder: Path, *names: str) -> Path:
     return folder
 
 
-def scanned(folder: Path, patterns: Scan | None = None) -> tuple[list[Case], str]:
-    """The cases, with the names of surfaces below the folder, and what was said."""
+def scanned(folder: Path, patterns: Scan | None = None, begin: str = "") -> tuple[list[Case], str]:
+    """The cases of a folder below another, with the names of surfaces below the latter, and what was said."""
     said: list[str] = []
-    cases = scan(folder, patterns, said.append)
+    cases = scan(folder / begin, patterns, said.append)
     return [replace(case, surface=Path(case.surface).relative_to(folder).as_posix()) for case in cases], "\n".join(said)
 
 
@@ -82,6 +84,12 @@ def test_subjects_of_freesurfer_may_have_any_name_but_that_of_the_template(tmp_p
     assert [case.name for case in cases] == names
     assert "subj_01 becomes sub-subj01" in said
     assert "registered spheres: 2" in said
+
+
+def test_the_templates_and_the_example_of_freesurfer_are_no_participants(tmp_path):
+    cases, said = scanned(freesurfer(tmp_path, "bert", "cvs_avg35", "cvs_avg35_inMNI152", "p1"))
+    assert [case.name for case in cases] == ["sub-p1_hemi-L", "sub-p1_hemi-R"]
+    assert "bert is left out: it is FreeSurfer's example subject" in said
 
 
 def test_surfaces_and_fields_beside_that_of_freesurfer_are_found(tmp_path):
@@ -201,6 +209,56 @@ def test_longitudinal_folders_of_freesurfer_are_used_and_their_base_is_no_sessio
     cases, said = scanned(touched(tmp_path, *(f"{name}/surf/lh.white" for name in ends)))
     assert [case.surface for case in cases] == [f"sub-01_ses-{n}.long.sub-01/surf/lh.white" for n in (1, 2)]
     assert "bases are left out, since they average over sessions: sub-01" in said
+
+
+def fetpype(dataset: Path, *pipelines: str) -> Path:
+    """A raw dataset with ages, and the surfaces of Fetpype below it: one participant with a session, one without."""
+    for pipeline in pipelines:
+        folder = dataset / "derivatives" / pipeline
+        begin = [f"sub-01/ses-02/anat/sub-01_ses-02_rec-{pipeline}_seg-bounti", f"sub-03/anat/sub-03_rec-{pipeline}"]
+        touched(folder, *(f"{name}_hemi-{hemi}_white.surf.gii" for name in begin for hemi in "LR"))
+        about = {"Name": "surfpype", "BIDSVersion": "1.7.0", "GeneratedBy": [{"Name": "surfpype"}]}
+        (folder / DESCRIPTION).write_text(json.dumps(about))
+    touched(dataset, "sub-01/ses-02/anat/sub-01_ses-02_run-1_T2w.nii.gz")
+    (dataset / "participants.tsv").write_text("participant_id\tgestational_age\nsub-01\t28.5\nsub-03\t32.1\n")
+    return dataset
+
+
+@pytest.mark.parametrize("begin", ["", "derivatives", "derivatives/nesvor"])
+def test_surfaces_of_fetpype_are_found_with_ages_from_any_folder_of_the_dataset(tmp_path, begin):
+    cases, _ = scanned(fetpype(tmp_path, "nesvor"), begin=begin)
+    ages = {"sub-01_ses-02_hemi-L": 28.5, "sub-01_ses-02_hemi-R": 28.5, "sub-03_hemi-L": 32.1, "sub-03_hemi-R": 32.1}
+    assert {case.name: case.scan_age for case in cases} == ages
+    name = "derivatives/nesvor/sub-01/ses-02/anat/sub-01_ses-02_rec-nesvor_seg-bounti_hemi-L_white.surf.gii"
+    assert cases[0].surface == name
+
+
+def test_of_several_pipelines_one_has_to_be_chosen(tmp_path):
+    fetpype(tmp_path, "nesvor", "niftymic")
+    with pytest.raises(InputError, match=r"2 pipelines.*: nesvor, niftymic.*give its folder.*derivatives/nesvor"):
+        scan(tmp_path)
+    assert [case.scan_age for case in scan(tmp_path / "derivatives/niftymic")] == [28.5, 28.5, 32.1, 32.1]
+
+
+def test_an_earlier_output_of_cortet_is_no_pipeline(tmp_path):
+    own = touched(fetpype(tmp_path, "nesvor") / "derivatives/cortet", f"{A}_hemi-L_white.surf.gii")
+    (own / DESCRIPTION).write_text(json.dumps({"GeneratedBy": [{"Name": "cortet"}]}))
+    assert len(scan(tmp_path)) == 4
+
+
+@pytest.mark.parametrize(
+    "about",
+    [
+        {"SourceDatasets": [{"URL": "https://[x"}, {"URL": "../raw data"}]},
+        {"DatasetLinks": {"doi": "doi:10.1/x", "raw": "file://RAW"}},
+        {"SourceDatasets": "x", "DatasetLinks": {"raw": "../raw%20data", "one": 1}},
+    ],
+)
+def test_the_description_of_a_derivative_leads_to_the_ages(tmp_path, about):
+    raw = fetpype(tmp_path / "raw data")
+    folder = touched(tmp_path / "out", f"{A}_hemi-L_white.surf.gii")
+    (folder / DESCRIPTION).write_text(json.dumps(about).replace("RAW", str(raw)))
+    assert [case.scan_age for case in scan(folder)] == [28.5]
 
 
 def test_subjects_whose_labels_are_alike_are_refused(tmp_path):

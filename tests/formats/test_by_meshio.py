@@ -210,6 +210,14 @@ def test_sets_of_abaqus_are_read(tmp_path):
     assert np.array_equal(np.sort(np.concatenate([cells["core"], cells["cortex"]])), range(48))
 
 
+def test_lower_case_and_commas_at_the_end_of_lines_of_abaqus_are_read(tmp_path):
+    FORMATS["abaqus"].write(CUBE, tmp_path / "m.inp")
+    text = re.sub(r"^(\d.*)$", r"\1,", (tmp_path / "m.inp").read_text().replace("C3D4", "c3d4"), flags=re.MULTILINE)
+    (tmp_path / "m.inp").write_text(text)
+    mesh = read_mesh(tmp_path / "m.inp")
+    assert np.array_equal(mesh.cells, CUBE.cells) and np.allclose(mesh.points, CUBE.points)
+
+
 @pytest.mark.parametrize("lines", ["*NODE PRINT, NSET=all_nodes\nU\n*NODE FILE\nU", "** a comment"])
 def test_steps_and_comments_of_abaqus_do_not_matter(tmp_path, lines):
     rewritten(tmp_path / "m.inp", lines)
@@ -306,6 +314,15 @@ def test_cells_of_vtk_that_meshio_leaves_out_are_refused(tmp_path, suffix):
     cells = np.concatenate([np.column_stack([np.full(48, 4), CUBE.cells]).ravel(), [8, *range(8)]])
     pyvista.UnstructuredGrid(cells, kinds, CUBE.points).save(tmp_path / f"x{suffix}")
     assert "type 11" in refused(tmp_path / f"x{suffix}")
+
+
+def test_bulk_data_of_nastran_may_have_tabs_and_no_first_line(tmp_path):
+    FORMATS["nastran"].write(CUBE, tmp_path / "m.bdf")
+    text = (tmp_path / "m.bdf").read_text().replace("BEGIN BULK\n", "")
+    (tmp_path / "m.bdf").write_text(re.sub(r"^CTETRA.*$", lambda card: re.sub(" +", "\t", card[0]), text, flags=re.M))
+    assert np.array_equal(read_mesh(tmp_path / "m.bdf").cells, CUBE.cells)
+    (tmp_path / "m.bdf").write_text(text.replace("ENDDATA", ""))
+    assert "no line ENDDATA" in refused(tmp_path / "m.bdf")
 
 
 @pytest.mark.parametrize("card", ["INCLUDE 'other.bdf'", "CORD2R,1,0,5.,0.,0.,5.,0.,1.\n+,6.,0.,0."])

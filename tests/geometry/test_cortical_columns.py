@@ -41,6 +41,19 @@ def test_thickness_and_depths_of_a_shell_are_exact_to_a_hundredth(outer: float, 
     assert np.abs(volume - depth)[inside].mean() > 2 * np.abs(by_volume - volume)[inside].mean()
 
 
+def test_the_column_of_a_sharp_crest_begins_at_its_crest() -> None:
+    """Where the gradient of the fit leads out of the wall, as at crowns of fsaverage5, the steepest edge leads in."""
+    whole = shell_mesh(23.0, 20.0, 3)
+    radius = np.linalg.norm(whole.points, axis=1)
+    crest = np.argmax(whole.points[:, 2])
+    points = whole.points.copy()
+    points[crest] += [2.0, 1.0, 3.0]
+    ends = np.flatnonzero((radius < 20 + 1e-6) | (radius > 23 - 1e-6)).astype(np.int32)
+    mesh = TetMesh(points, whole.cells)
+    phi = harmonic(mesh, ends, (radius[ends] > 21.5).astype(float)[:, None], np.full((len(points), 1), 0.5))
+    assert columns(mesh, phi[:, 0]).whole[crest]
+
+
 def test_a_node_whose_line_leaves_by_the_side_has_no_column() -> None:
     whole = shell_mesh(23.0, 20.0, 3)
     half = TetMesh(whole.points, whole.cells[whole.points[whole.cells][:, :, 0].mean(axis=1) > 0])

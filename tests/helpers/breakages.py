@@ -116,6 +116,7 @@ BREAKAGES: dict[str, Callable[[TriSurface], TriSurface]] = {
     "narrow handle": lambda surface: handle(surface, 1),
     "wide handle": lambda surface: handle(surface, 3),
     "doubled faces": doubled,
+    "both sides": lambda surface: replace(surface, faces=np.concatenate([surface.faces, surface.faces[:, ::-1]])),
     "isolated component": isolated,
     "flipped patch": flipped,
     "duplicated vertices": apart,

@@ -77,18 +77,18 @@ def test_a_missed_limit_comes_with_number_place_reason_and_remedy(surface):
 @pytest.mark.parametrize(
     ("value", "comparison", "limit", "said"),
     [
-        (0.0561234, "<=", 0.05, "0.05612, must not exceed 0.05"),
-        (0.60004, "<", 0.6, "0.60004, must be below 0.6"),
-        (0.1 + 0.2, "<=", 0.3, "0.30000000000000004, must not exceed 0.3"),
-        (0.1234568, "<=", 0.12345674, "0.1235, must not exceed 0.123457"),
-        (1234567, "==", 0, "1,234,567, must be 0"),
-        (0.0561234, None, None, "0.05612, no limit"),
+        (0.0561234, "<=", 0.05, "0.05612 (must not exceed 0.05)"),
+        (0.60004, "<", 0.6, "0.60004 (must be below 0.6)"),
+        (0.1 + 0.2, "<=", 0.3, "0.30000000000000004 (must not exceed 0.3)"),
+        (0.1234568, "<=", 0.12345674, "0.1235 (must not exceed 0.123457)"),
+        (1234567, "==", 0, "1,234,567 (must be 0)"),
+        (0.0561234, None, None, "0.05612 (no limit)"),
     ],
 )
 def test_a_number_has_few_digits_but_tells_on_which_side_of_its_limit_it_is(value, comparison, limit, said):
     check = Check("worst_q", "worst q", value, "", comparison, limit, False, "")
-    assert check.finding == f"worst q {said}"
-    assert of_check(asdict(check))["value"] == said.rpartition(", ")[0]
+    assert check.finding == f"worst q: {said}"
+    assert of_check(asdict(check))["value"] == said.partition(" ")[0]
 
 
 def with_tunnel(mesh: TetMesh) -> TetMesh:

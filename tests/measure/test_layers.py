@@ -55,20 +55,22 @@ def test_layers_share_the_volume_of_the_cortex_as_asked():
     assert 0 < records[0].cut < 0.6 and records[0].depth == (0.0, pytest.approx(1 / 3))
 
 
-def test_depth_is_0_outside_and_1_inside_and_fields_are_finite_everywhere():
+def test_depth_is_0_outside_and_1_inside_and_only_thickness_is_unknown_there():
     mesh = head()
     found = cortical_layers(mesh, ["white"], bounds_of([1, 1]))
     radius = np.linalg.norm(mesh.points, axis=1)
     cortex, inside = radius > WHITE + 1e-6, radius < WHITE - 1e-6
     assert np.abs(found.of_nodes[THICKNESS][cortex] - 3).max() < 0.05
-    assert (found.of_nodes[THICKNESS][inside] == 0).all()
+    assert np.isnan(found.of_nodes[THICKNESS][inside]).all()
+    assert np.isnan(found.of_cells[THICKNESS][mesh.cell_data[REGION] == 2]).all()
     for name in (DEPTH, EQUIVOLUMETRIC):
         assert (found.of_nodes[name][inside] == 1).all()
         assert found.of_nodes[name][radius > OUTER - 1e-6] == pytest.approx(0, abs=1e-9)
         assert found.of_nodes[name].min() >= 0 and found.of_nodes[name].max() <= 1
     length = np.linalg.norm(found.of_cells[COLUMN], axis=1)
     assert length[mesh.cell_data[REGION] == 1] == pytest.approx(1) and (length[mesh.cell_data[REGION] == 2] == 0).all()
-    assert all(np.isfinite(values).all() for values in (*found.of_nodes.values(), *found.of_cells.values()))
+    fields = [*found.of_nodes.items(), *found.of_cells.items()]
+    assert all(np.isfinite(values).all() for name, values in fields if name != THICKNESS)
     assert set(np.unique(found.number[mesh.cell_data[REGION] == 2])) == {0}
 
 

@@ -104,5 +104,5 @@ def test_a_mesh_that_is_missing_or_not_certified_says_why(table_of, tmp_path):
     ages = AGES | {"sub-c": 40.0}
     rows = rows_of(table_of({at("a"): record(), at("b"): record()}, missing, ages, not_certified(certificates)))
     remarks = {row["case"]: row["remarks"] for row in rows}
-    assert remarks["sub-a"] == "not certified: worst q 0.7, must be below 0.6" and remarks["sub-b"] is None
+    assert remarks["sub-a"] == "not certified: worst q: 0.7 (must be below 0.6)" and remarks["sub-b"] is None
     assert (rows[2]["case"], rows[2]["q_max"], remarks["sub-c"]) == ("sub-c", None, "generate: too fine")

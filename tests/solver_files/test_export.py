@@ -109,6 +109,20 @@ def test_every_format_is_made_of_another_and_what_it_lacks_is_told(tmp_path, tar
         assert record["fields"]["thickness"]["source"] == "thickness.shape.gii"
 
 
+def test_a_node_that_no_tetrahedron_uses_does_not_count_in_the_size(tmp_path):
+    ball = ball_mesh(2, radius=20.0)
+    vtu.write(replace(ball, points=np.vstack([ball.points, [900.0, 0, 0]])), tmp_path / "m.vtu")
+    with pytest.raises(InputError, match="1 nodes belong to no tetrahedron"):
+        convert(tmp_path / "m.vtu", tmp_path / "x.inp")
+
+
+def test_a_file_without_sets_of_nodes_is_not_said_to_have_them(tmp_path):
+    mesh = full_mesh()
+    vtu.write(replace(mesh, sets=MeshSets({}, {}, mesh.sets.cells)), tmp_path / "m.vtu")
+    told = convert(tmp_path / "m.vtu", tmp_path / "m.inp", source_unit="mm")
+    assert told == ["cortet made sets of faces from its boundary"]
+
+
 @pytest.mark.parametrize("faces", [True, False])
 def test_sets_are_kept_on_the_way_to_another_format(tmp_path, faces):
     """Also of a VTU file that another program wrote: sets of nodes and tetrahedra, none of faces."""

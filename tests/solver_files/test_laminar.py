@@ -105,6 +105,8 @@ def projected(folder: Path, tmp_path: Path, *options: str, mesh: str = "x.vtu"):
 def test_project_takes_depths_in_percent_and_layers_along_columns(folder, tmp_path):
     assert np.abs(projected(folder, tmp_path, "--depth", "50%") - MIDDLE).max() < NEAR
     assert np.abs(projected(folder, tmp_path, "--depth", "50%", "--equidistant") - 10).max() < NEAR
+    same = [projected(folder, tmp_path, "--depth", depth) for depth in ("25:75%", "25%:75%")]
+    assert np.array_equal(*same)
     outer = projected(folder, tmp_path, "--layer", "1")
     volume = np.linspace(PIAL**3, MIDDLE**3, 1000)
     assert np.abs(outer - np.cbrt(volume).mean()).max() < NEAR

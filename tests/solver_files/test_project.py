@@ -192,6 +192,13 @@ def diverged(mesh: TetMesh, name: str, nodes: slice) -> None:
     made.save(name)
 
 
+def test_single_fields_are_projected_by_name(mesh, folder, capsys):
+    write(mesh, "r.vtu")
+    assert projected("r.vtu", "--field", "T", "--field", "h").keys() == {"T", "h"}
+    assert project("r.vtu", "--mesh", "x.vtu", "--field", "v", "-o", "s.func.gii") == 1
+    assert re.search(r"no field v .*T.*h", capsys.readouterr().err)
+
+
 def test_a_result_that_is_partly_nan_is_counted(mesh, folder, capsys):
     diverged(mesh, "r.vtu", slice(5))
     assert project("r.vtu", "--mesh", "x.vtu", "-o", "r.func.gii") == 0

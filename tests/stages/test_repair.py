@@ -77,6 +77,7 @@ MENDED = {
     "narrow handle": ("handle cut", 0.2),
     "wide handle": ("handle cut", 0.6),
     "doubled faces": ("doubled", 0.0),
+    "both sides": ("doubled", 0.0),
     "isolated component": ("small separate piece", 0.0),
     "flipped patch": ("triangles turned", 0.0),
     "duplicated vertices": ("coinciding vertices", 0.0),
