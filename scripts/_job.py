@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING, Any
 _folder = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(_folder if (_folder / "cortet").is_dir() else _folder.parents[1]))
 
-from cortet.cohort.status import failure_path, write_failure
+from cortet.cohort.status import STOPPED, failure_path, write_failure
 from cortet.errors import CortetError
 from cortet.formats import child
 from cortet.formats.ownership import delete_abandoned
@@ -149,9 +149,8 @@ def _forget(path: Path) -> None:
 def _log_failure(
     log: Path, snakemake: Any, kind: type[BaseException], error: BaseException, trace: TracebackType | None
 ) -> None:
-    if issubclass(kind, KeyboardInterrupt):  # the last line of the log says so
-        traceback.print_exception(kind, error, trace)
-        return
+    if issubclass(kind, KeyboardInterrupt):
+        error = CortetError(STOPPED)
     with contextlib.suppress(OSError):  # the disk may be full
         write_failure(log, *_identity(snakemake), error)
     if not isinstance(error, CortetError):

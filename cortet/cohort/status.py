@@ -17,7 +17,7 @@ _PARTS = {
     **dict.fromkeys(("reasons", "remarks", "regions"), list),
     **dict.fromkeys(("quality", "parameters", "reports"), dict),
 }
-#: reason of a job that Ctrl-C stopped, which has not failed
+#: reason of a job that Ctrl-C stopped, which has not failed; the logger plugin knows it, too
 STOPPED = "stopped by you"
 #: columns of `cohort_status.tsv`
 COLUMNS = (
@@ -74,8 +74,6 @@ def failure_reason(log: Path) -> str:
     text = log.read_text(encoding="utf-8", errors="replace") if log.exists() else ""
     if too_long := re.search(r"^Timeout \((.+)\)!$", text, re.MULTILINE):
         return f"took longer than {too_long[1]} (hours:minutes:seconds), the time_limit"
-    if text.endswith("KeyboardInterrupt\n"):
-        return STOPPED
     return "ended without a message: killed, or ran out of memory or time"
 
 
