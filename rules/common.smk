@@ -51,7 +51,7 @@ def told_at_start():
     if others := made_otherwise(PLAN):
         told.append(
             f"meshes with other settings or surfaces than the present ones: {sum(others.values())}. "
-            f"To remake those that this run does not: `snakemake --forcerun {' '.join(others)}`"
+            f"If this run does not remake them: `snakemake --forcerun {' '.join(others)}`"
         )
     return told
 

@@ -94,7 +94,9 @@ class Progress:
             self.uncertified.add(job.mesh)
             told = f"NOT certified: {'; '.join(record['reasons'])};"
         numbers = f"worst q {record['quality']['q']['max']:.3f}, {record['quality']['tets']:,} tetrahedra"
-        count = f"{self.certified + len(self.uncertified):{len(str(self.meshes))}}/{self.meshes}"
+        done = self.certified + len(self.uncertified)
+        self.meshes = max(self.meshes, done)  # what a checkpoint finds is added to the plan
+        count = f"{done:{len(str(self.meshes))}}/{self.meshes}"
         return f"{count}  {job.mesh}  {told} {numbers}, {self._minutes(job)}{self.left()}"
 
     def failure(self, number: int, log: str) -> str:

@@ -59,6 +59,15 @@ def test_a_mesh_is_one_line_with_its_verdict(tmp_path, certified, said):
     assert told.startswith(f"failed: {MESH} in export") if certified else told == "", "that it is not exported follows"
 
 
+def test_meshes_that_a_checkpoint_adds_are_counted(tmp_path):
+    run, _ = progress(meshes=1)
+    told = []
+    for number in (1, 2):
+        run.started(number, "solver_ready", WILDCARDS, [str(certificate(tmp_path, certified=True))])
+        told.append(run.ended(number))
+    assert [line[:3] for line in told] == ["1/1", "2/2"]
+
+
 def test_a_fold_is_one_line_with_its_verdict(tmp_path):
     verdict = tmp_path / "verdict.json"
     verdict.write_text(json.dumps({"reason": "folded from 22 to 34 weeks", "gyrification_index_last": 1.2451}))
