@@ -22,6 +22,7 @@ from cortet.errors import CortetError
 from cortet.meshes import TriSurface
 from cortet.phantoms import phantom
 from cortet.pipeline import Meshed, Step, mesh_surface
+from cortet.stages.stage import About, State
 
 ROOT = Path(__file__).resolve().parents[1]
 Row = Mapping[str, Any]
@@ -140,11 +141,11 @@ def mesh(
     config: Config,
     say: Callable[[Step, float], None] = lambda *_: None,
     small: TriSurface | None = None,
-    **given: Any,
+    **known: Any,
 ) -> Line:
     """Mesh a surface, another, `small` one before it, which compiles; `say` hears of stages and their CPU seconds."""
     coarse = config.generate.model_copy(update={"cell_size": [4.0]})
-    mesh_surface(small or phantom(24.0, subdivisions=3), config.model_copy(update={"generate": coarse}))
+    mesh_surface(State(small or phantom(24.0, subdivisions=3)), config.model_copy(update={"generate": coarse}))
     reports: dict[str, Any] = {}
     reset_peak_memory()
     idle, last = peak_memory_mb() or 0, cpu_seconds()
@@ -160,7 +161,7 @@ def mesh(
         say(step, now - last)
         last = cpu_seconds()
 
-    return Line(mesh_surface(surface, config, progress=after, **given), reports, used)
+    return Line(mesh_surface(State(surface), config, About(**known), progress=after), reports, used)
 
 
 def config_of(cell_size: float, *changes: str, **data: Any) -> Config:

@@ -57,7 +57,7 @@ def fidelity(
 
 def of_surface(file: Path, cell_size: float, setting: str, mesher: str) -> Row:
     """Run the line in this process; the row of its mesh."""
-    line = mesh(read_surface(file), config_of(cell_size, mesher, setting=setting), source=file)
+    line = mesh(read_surface(file), config_of(cell_size, mesher, setting=setting), source=str(file))
     generated = line.reports["generate"]
     refinement = generated.get("refinement") or {}
     return {
@@ -146,7 +146,7 @@ def of_pair(file: Path, inner: str, row: dict[str, Any], keep: Path | None) -> R
     surface = nested(read_surface(file), {inner: read_surface(inner_file)})
     config = config_of(row["h_mm"], regions={"min_gap": row["min_gap_h"], "elements_across": row["across"]})
     small = nested(ball(20.0), {"white": ball(16.0)})
-    line = mesh(surface, config, small=small, source=file, inner_sources={inner: inner_file})
+    line = mesh(surface, config, small=small, source=str(file), inner={inner: str(inner_file)})
     if keep:
         keep.mkdir(parents=True, exist_ok=True)
         vtu.write(line.made.mesh, keep / f"{row['pair']}_{row['h_mm']:g}_{row['across']}.vtu")

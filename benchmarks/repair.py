@@ -62,7 +62,7 @@ def of_file(file: Path, cell_size: float, limits: Path | None, keep: Path | None
         made = repaired(placed(read_surface(file, finite=False), config.placement()), config, row)
         if made is not None:
             _keep(made, keep, file.name)
-            line = mesh(made, _without_placement(config), source=file)
+            line = mesh(made, _without_placement(config), source=str(file))
             verdict = line.made.certificate
             row |= {"certified": "yes" if verdict.certified else "no", "why_not": "; ".join(verdict.reasons)}
             row |= {"line_cpu_s": line.used["cpu_seconds"]}

@@ -22,17 +22,12 @@ from _frame import ROOT, Table, command
 #: what each checkout runs; it uses only what both of them have
 MESH = """
 import json, sys
-from cortet.config import load
-from cortet.formats.gifti import read_surface
+import cortet
 from cortet.formats.hashing import mesh_sha256
-from cortet.geometry.nesting import nested
-from cortet.pipeline import mesh_surface
 outer, inner, setting, cell_size, age = json.loads(sys.argv[1])
-surface = read_surface(outer)
-surface = nested(surface, {"white": read_surface(inner)}) if inner else surface
-config = load({"setting": setting, "generate": {"cell_size": cell_size}})
-mesh, *_ = mesh_surface(surface, config, gestational_age=age)
-print(json.dumps([len(mesh.cells), mesh_sha256(mesh)]))
+inner = {"white": inner} if inner else None
+made = cortet.mesh(outer, cell_size, ga=age, inner=inner, settings={"setting": setting}, progress=False)
+print(json.dumps([len(made.cells), mesh_sha256(made.mesh)]))
 """
 
 

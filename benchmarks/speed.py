@@ -150,6 +150,7 @@ from cortet.config import load
 from cortet.formats import FORMATS
 from cortet.phantoms import phantom
 from cortet.pipeline import run
+from cortet.stages.stage import About, State
 from cortet.solver_files.export import write
 from cortet.solver_files.sets import named_sets
 
@@ -157,7 +158,7 @@ cell_size, folder = float(sys.argv[1]), Path(sys.argv[2])
 surface = phantom(30.0, subdivisions=5)
 for size in (4.0, cell_size):  # the first compiles
     config, seconds, last = load({"generate": {"cell_size": size}}), {}, time.process_time()
-    for step in run(surface, config):
+    for step in run(State(surface), config, About()):
         now = time.process_time()
         seconds["stage " + step.stage], last, mesh = now - last, now, step.result
 mesh = named_sets(mesh)

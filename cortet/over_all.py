@@ -10,19 +10,20 @@ import json
 import logging
 import os
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from contextlib import chdir, suppress
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal, cast
 
 from cortet.cohort.bids import Places, describe, descriptions
-from cortet.cohort.failures import with_failures
-from cortet.cohort.jobs import existing
+from cortet.cohort.jobs import Jobs
 from cortet.cohort.layout import beside, filled
 from cortet.cohort.outdated import set_aside
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import read_sheet
+from cortet.cohort.sources import existing
+from cortet.cohort.states import States, read_states
 from cortet.config import load
 from cortet.errors import CortetError, InputError
 from cortet.folding.plan import Folds, folds_on_page
@@ -30,7 +31,7 @@ from cortet.formats.atomic import atomic_path, write_json
 from cortet.formats.ownership import json_of
 from cortet.paper.results import results as paper_results
 from cortet.report.results import Results, files_of
-from cortet.stages import require_nesting, require_programs
+from cortet.stages import require_nesting, require_programs, settled
 
 logger = logging.getLogger(__name__)
 
@@ -47,10 +48,12 @@ REPORTED = ".cortet/reported.txt"
 
 def plan_of(config: Mapping[str, Any]) -> Plan:
     """The plan of a run, from the content of its configuration."""
-    own = load(config)
+    own = settled(load(config))
     # by the name that files carry: the line's own setting carries none, others are run beside it
     settings = {"": own} | {
-        name.capitalize(): load({**config, "setting": name}) for name in own.experiments.settings if name != own.setting
+        name.capitalize(): settled(load({**config, "setting": name}))
+        for name in own.experiments.settings
+        if name != own.setting
     }
     for setting in settings.values():
         require_programs(setting)
@@ -74,7 +77,7 @@ def remember_run(plan: Plan, config: Mapping[str, Any], asked: Iterable[str]) ->
     }
     write_json(record, output / RUN)
     _describe(plan)
-    _update_states(with_failures(plan), began=datetime.now().astimezone().strftime("%Y-%m-%d at %H:%M"))
+    _update_states(read_states(plan), began=datetime.now().astimezone().strftime("%Y-%m-%d at %H:%M"))
 
 
 def _describe(plan: Plan) -> None:
@@ -98,25 +101,28 @@ def is_of_run(config: Mapping[str, Any], output: Path) -> bool:
 def plan_of_run(output: Path) -> tuple[Plan, list[str]]:
     """The plan of the last run that wrote to an output folder, and the rules over all cases that it asked for.
 
-    The process changes to the folder of the run, to which names of files are relative.
+    Names of its files are relative to the folder of the run, in which the process has to be.
+    """
+    record = run_record(output)
+    return plan_of({**record["config"], "output": os.path.relpath(output)}), list(record["asked"])
+
+
+def folder_of_run(output: Path) -> Path:
+    """The folder in which the last run was started that wrote to an output folder.
 
     Raises
     ------
-    InputError : no run recorded its configuration there, or its sheet is gone
+    InputError : no run recorded its configuration there, or its folder is missing
     """
-    output = output.absolute()
     record = run_record(output)
-    try:
-        config, asked, folder = record["config"], list(record["asked"]), output / record["folder"]
-    except (LookupError, TypeError):
+    if not {"config", "asked", "folder"} <= record.keys():
         remedy = "name the output folder of `snakemake` or `cortet run`"
-        raise InputError("the folder has no configuration of a cortet run", file=output, remedy=remedy) from None
-    try:
-        os.chdir(folder)
-    except OSError:
+        raise InputError("the folder has no configuration of a cortet run", file=output, remedy=remedy)
+    folder = output / record["folder"]
+    if not folder.is_dir():
         remedy = "move the output folder back next to it, or restart the run"
-        raise InputError("the folder of the run is missing", file=folder, remedy=remedy) from None
-    return plan_of({**config, "output": os.path.relpath(output)}), asked
+        raise InputError("the folder of the run is missing", file=folder, remedy=remedy)
+    return folder
 
 
 def report(output: Path, *, after: Literal["success", "failure"] | None = None) -> list[Path]:
@@ -130,32 +136,42 @@ def report(output: Path, *, after: Literal["success", "failure"] | None = None) 
     Returns
     -------
     The files that were written
+
+    Raises
+    ------
+    InputError : no run recorded its configuration there, or its folder or its sheet is missing
     """
+    output = output.absolute()
+    with chdir(folder_of_run(output)):
+        return [Path(path).absolute() for path in _report(output, after)]
+
+
+def _report(output: Path, after: Literal["success", "failure"] | None) -> list[str]:
     plan, asked = plan_of_run(output)
-    for moved in set_aside(with_failures(plan)):
+    for moved in set_aside(read_states(plan)):
         logger.warning("%s", moved)
-    plan = with_failures(plan)
+    states = read_states(plan)
     if after is None:
         _describe(plan)
-    written = _write_failure_pages(plan)
+    written = _write_failure_pages(states)
     wanted = {None: {*asked, *OF_COHORT}, "failure": {*asked}, "success": set[str]()}[after]
     if Path(plan.layout.cohort_page).exists():
         wanted.add("cohort_tables")  # of which it is made
-    for rule, result in results(plan).items():
+    for rule, result in results(states).items():
         made_by_run = after == "success" and (rule in asked or not all(map(_exists, result.inputs())))
         if made_by_run or not (rule in wanted or any(map(_exists, result.files))):
             continue
-        if rule in OF_COHORT or plan.measured_certificates():
+        if rule in OF_COHORT or states.measured_certificates():
             result.write()
         else:
             _delete(result.files)
         written += filter(_exists, result.files)
     if after == "success":
-        _update_states(plan)
+        _update_states(states)
     else:
         with atomic_path(Path(plan.layout.output) / REPORTED) as temporary:
             temporary.write_text(datetime.now().isoformat(), encoding="utf-8")
-    return [*map(Path, written)]
+    return written
 
 
 def aggregate(config: Mapping[str, Any], output: Path, *, dry_run: bool = False) -> None:
@@ -171,7 +187,7 @@ def aggregate(config: Mapping[str, Any], output: Path, *, dry_run: bool = False)
     InputError : no case of the sheet has a certificate there
     """
     plan = plan_of(config)
-    if not with_failures(plan).measured_certificates():
+    if not read_states(plan).measured_certificates():
         raise InputError("has no mesh of these cases yet", file=output, remedy="run the participant level first")
     if not dry_run:
         remember_run(plan, config, {*run_record(output).get("asked", []), *OF_COHORT})
@@ -187,9 +203,10 @@ def _delete(files: Iterable[str]) -> None:
         Path(path).unlink(missing_ok=True)
 
 
-def _write_failure_pages(plan: Plan) -> list[str]:
+def _write_failure_pages(states: States) -> list[str]:
     """Write the pages of meshes that have none of their own, because they or their volumes failed; their paths."""
-    if not plan.failures:  # what draws takes a second to load
+    plan = states.plan
+    if not states.failures:  # what draws takes a second to load
         return []
     from cortet.formats import gifti
     from cortet.report.case_page import about, write_failure_page
@@ -197,8 +214,8 @@ def _write_failure_pages(plan: Plan) -> list[str]:
 
     written = []
     pages, small = plan.each_case(plan.layout.case_page), plan.each_case(plan.layout.thumbnail)
-    for mesh, failure in plan.failures.items():
-        if plan.is_measured(mesh) and failure["stage"] != "volumes":
+    for mesh, failure in states.failures.items():
+        if states.is_measured(mesh) and failure["stage"] != "volumes":
             continue
         case, job, page = plan.cases[mesh[0]], plan.job(mesh), pages[mesh]
         given = existing(filled(plan.layout.surface("phantom"), job) if case.is_phantom else case.surface)
@@ -207,7 +224,7 @@ def _write_failure_pages(plan: Plan) -> list[str]:
             surface = gifti.read_surface(str(given), finite=False) if given else None
         except CortetError as error:
             trouble = f"cortet cannot draw it: {error}"
-        facts, cohort = about(plan.about(job)), beside(plan.layout.cohort_page, page)
+        facts, cohort = about(Jobs(plan).page_facts(job)), beside(plan.layout.cohort_page, page)
         write_failure_page(case.name, failure, page, surface=surface, trouble=trouble, facts=facts, cohort=cohort)
         with atomic_path(small[mesh]) as temporary:
             temporary.write_bytes(thumbnail(surface, cast(Literal["L", "R"] | None, case.hemi)))
@@ -218,33 +235,34 @@ def _write_failure_pages(plan: Plan) -> list[str]:
 # --- results -----------------------------------------------------------------------------------------------------
 
 
-def results(plan: Plan) -> dict[str, Results]:
+def results(states: States) -> dict[str, Results]:
     """All results by their rules, those that others are made from first."""
-    return {"cohort_tables": cohort_tables(plan), "cohort_page": cohort_page(plan), **paper_results(plan)}
+    return {"cohort_tables": cohort_tables(states), "cohort_page": cohort_page(states), **paper_results(states)}
 
 
-def cohort_tables(plan: Plan) -> Results:
+def cohort_tables(states: States) -> Results:
     """Quality, stages, tissues and states."""
+    plan = states.plan
     files = _tables(plan)
 
     def inputs() -> list[str]:
-        measured = [*plan.measured_certificates(), *plan.exported_files(), *plan.stage_records()]
-        return [*measured, *plan.tissue_tables().values()]
+        measured = [*states.measured_certificates(), *states.exported_files(), *states.stage_records()]
+        return [*measured, *states.tissue_tables().values()]
 
     def facts() -> Any:
-        states = [{**row, "certificate": "certificate" in row} for row in plan.status()]
-        return [[asdict(case) for case in plan.sheet], states]
+        rows = [{**row, "certificate": "certificate" in row} for row in states.status()]
+        return [[asdict(case) for case in plan.sheet], rows]
 
     def write() -> None:
         from cortet.report import cohort_tables
         from cortet.report.records import read_certificate
 
-        _write_status(plan)
-        certificates, cases = [*map(read_certificate, plan.measured_certificates())], list(plan.cases.values())
+        _write_status(states)
+        certificates, cases = [*map(read_certificate, states.measured_certificates())], list(plan.cases.values())
         cohort_tables.write_quality(certificates, cases, files["quality"])
-        cohort_tables.write_stages(plan.stage_records(), files["stages"])
+        cohort_tables.write_stages(states.stage_records(), files["stages"])
         if plan.has_volumes:
-            tables = plan.tissue_tables()
+            tables = states.tissue_tables()
             described = [plan.described(mesh) for mesh in tables]
             cohort_tables.write_tissues(list(tables.values()), described, files["tissues"])
 
@@ -261,47 +279,50 @@ def _tables(plan: Plan) -> dict[str, list[str]]:
     }
 
 
-def _write_status(plan: Plan) -> None:
+def _write_status(states: States) -> None:
+    plan = states.plan
     from cortet.cohort.status import COLUMNS, status_rows
     from cortet.formats.tables import write_table
 
-    write_table(COLUMNS, status_rows(plan.status()), *_tables(plan)["status"])
+    write_table(COLUMNS, status_rows(states.status()), *_tables(plan)["status"])
 
 
-def _update_states(plan: Plan, *, began: str = "") -> None:
+def _update_states(states: States, *, began: str = "") -> None:
     """Write the table of states and the page anew, where they are there: they say how far the cases are."""
+    plan = states.plan
     if _exists(_tables(plan)["status"][0]):
-        _write_status(plan)
+        _write_status(states)
         if _exists(plan.layout.cohort_page):
-            _write_page(plan, began=began)
+            _write_page(states, began=began)
 
 
-def cohort_page(plan: Plan) -> Results:
+def cohort_page(states: States) -> Results:
     """The page of a cohort with what it shows: figure, means on the common mesh, folds; and the methods paragraph."""
-    tables, parts, maps = _tables(plan), folds_on_page(plan), _maps(plan)
+    plan = states.plan
+    tables, parts, maps = _tables(plan), folds_on_page(states), _maps(plan)
     figure = _figure(plan)
     of_parts = [path for part in parts for path in part.files]
 
     def inputs() -> list[str]:
         return [
             tables["status"][0],
-            *(tables["quality"][:2] if plan.measured_certificates() else []),
-            *(tables["tissues"][:1] if plan.tissue_tables() else []),
+            *(tables["quality"][:2] if states.measured_certificates() else []),
+            *(tables["tissues"][:1] if states.tissue_tables() else []),
             *plan.each_case(plan.layout.thumbnail).values(),
-            *(path for hemi in maps for path in plan.maps(hemi).values()),
+            *(path for hemi in maps for path in states.maps(hemi).values()),
             *(path for part in parts for path in part.inputs),
         ]
 
     def facts() -> Any:
-        mapped, of_parts = [list(plan.maps(hemi)) for hemi in maps], [part.facts for part in parts]
-        return [plan.listed_on_page(), mapped, of_parts, _limits(plan)]
+        mapped, of_parts = [list(states.maps(hemi)) for hemi in maps], [part.facts for part in parts]
+        return [states.listed_on_page(), mapped, of_parts, _limits(plan)]
 
     def write() -> None:
         from cortet.report.figures import cohort_figure, save
 
         save(cohort_figure(Path(tables["quality"][0]), **_limits(plan)), *figure)
         for hemi, files in maps.items():
-            if cases := plan.maps(hemi):
+            if cases := states.maps(hemi):
                 from cortet.report.cohort_maps import write_maps  # loads VTK
 
                 write_maps(list(cases.items()), hemi, *files)
@@ -309,8 +330,8 @@ def cohort_page(plan: Plan) -> Results:
                 _delete(files)
         for part in parts:
             part.write()
-        _write_page(plan)
-        _cite(plan)
+        _write_page(states)
+        _cite(states)
 
     of_maps = [path for paths in maps.values() for path in paths]
     files = [plan.layout.cohort_page, *_citation(plan), *figure, *of_maps, *of_parts]
@@ -322,19 +343,20 @@ def _citation(plan: Plan) -> list[str]:
     return [f"{plan.layout.output}/logs/CITATION{suffix}" for suffix in (".md", ".bib")]
 
 
-def _cite(plan: Plan) -> None:
+def _cite(states: States) -> None:
     """Write the methods paragraph of a run, with its folds."""
+    plan = states.plan
     from cortet.folding.sentences import fold_sentences, verdict_of_fold
     from cortet.report.methods import methods_text, write_citation
     from cortet.report.records import read_certificate
 
-    certificates = [*map(read_certificate, plan.measured_certificates())]
+    certificates = [*map(read_certificate, states.measured_certificates())]
     methods, folds = "No mesh has been made.", {}
     for path, run in Folds(plan).runs().items():
         if verdict := verdict_of_fold(Path(path).parent):
             folds[" ".join(filter(None, (run["case"], run["variant"])))] = verdict
     if certificates:
-        methods = methods_text(certificates, plan.sheet, plan.unmeasured(), fold_sentences(folds))
+        methods = methods_text(certificates, plan.sheet, states.unmeasured(), fold_sentences(folds))
     write_citation(methods, certificates, *_citation(plan))
 
 
@@ -372,19 +394,20 @@ def _maps(plan: Plan) -> dict[Literal["L", "R"], list[str]]:
     }
 
 
-def _write_page(plan: Plan, *, began: str = "") -> None:
+def _write_page(states: States, *, began: str = "") -> None:
     """Write the page.
 
     Parameters
     ----------
     began : when a run began that has not ended; empty if none runs
     """
+    plan = states.plan
     from cortet.report.cohort_page import write_cohort_page
     from cortet.report.pages import data_uri
 
     tables = {name: [Path(path) for path in paths] for name, paths in _tables(plan).items()}
     quality, dataset = tables["quality"], plan.config.cohort.dataset
-    measured = bool(plan.measured_certificates()) and quality[0].exists()
+    measured = bool(states.measured_certificates()) and quality[0].exists()
     small = [Path(path) for path in plan.each_case(plan.layout.thumbnail).values()]
     write_cohort_page(
         tables["status"][0],
@@ -392,12 +415,12 @@ def _write_page(plan: Plan, *, began: str = "") -> None:
         plan.layout.cohort_page,
         meshes=[
             {**row, "thumbnail": data_uri(file.read_bytes()) if file.exists() else None}
-            for row, file in zip(plan.listed_on_page(), small, strict=True)
+            for row, file in zip(states.listed_on_page(), small, strict=True)
         ],
         figure=_figure_text(plan, quality[0]) if measured else "",
         maps={hemi: Path(files[-1]) for hemi, files in _maps(plan).items() if _exists(files[-1])},
-        tissues=tables["tissues"][0] if plan.tissue_tables() else None,
-        more=[part for part in folds_on_page(plan) if all(map(_exists, part.files))],
+        tissues=tables["tissues"][0] if states.tissue_tables() else None,
+        more=[part for part in folds_on_page(states) if all(map(_exists, part.files))],
         dataset=dataset.resolve().name if dataset else "",
         began=began,
     )

@@ -31,7 +31,8 @@ from sphinx.util.docutils import SphinxDirective
 from cortet.cli import commands
 from cortet.config import SETTINGS, Config
 from cortet.config.section import Section
-from cortet.stages import STAGES, Stage
+from cortet.stages import STAGES
+from cortet.stages.stage import Stage
 
 PACKAGE = Path(__file__).resolve().parents[1] / "cortet"
 ERRORS = ("InputError", "DamagedFileError", "StageError", "WorkflowError")
@@ -83,10 +84,9 @@ def stages_table() -> str:
 def _when(stage: Stage) -> str:
     if stage.nested:
         return "there are inner surfaces"
-    if "sphere" in stage.takes:
+    if stage.registered:
         return "the surface has a sphere"
-    of_another = stage.section in STAGES
-    return "always" if of_another or stage.section_of(Config()).runs(aged=True) else f"`{stage.name}.enabled`"
+    return "always" if stage.is_on(Config()) else f"`{stage.name}.enabled`"
 
 
 # --- parameters ------------------------------------------------------------------------------------------------------

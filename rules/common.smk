@@ -17,11 +17,11 @@ from snakemake.logging import logger
 
 from cortet.cohort.app import require_plain_python
 from cortet.cohort.bids import require_own_output
-from cortet.cohort.failures import made_otherwise
-from cortet.cohort.jobs import existing, existing_of
+from cortet.cohort.jobs import Jobs
 from cortet.cohort.layout import EXPORTED, LABELS, SHARED, WILDCARDS, beside, inner_of
 from cortet.cohort.lock import require_free
-from cortet.cohort.resources import cost
+from cortet.cohort.sources import existing, existing_of
+from cortet.cohort.states import States, made_otherwise
 from cortet.cohort.user_files import content
 from cortet.config import keys_not_given, read
 from cortet.errors import CortetError
@@ -61,13 +61,15 @@ try:
     # the sheet is read here and never an input of a rule: a new row then runs one new case
     PLAN = replace(plan_of(config), waited_for=waited_for)
     CONFIG, SETTINGS, CASES = PLAN.config, PLAN.settings, PLAN.cases
-    RESULTS = results(PLAN)
+    RESULTS = results(States(PLAN))
     for warning in told_at_start() if workflow.is_main_process else []:
         logger.warning(warning)
 except CortetError as error:
     raise WorkflowError(str(error)) from None
 
 FOLDS = Folds(PLAN)
+JOBS = Jobs(PLAN)
+INPUTS, SOURCES = JOBS.inputs, JOBS.sources
 LAYOUT = PLAN.layout
 OUT = LAYOUT.output
 # what BIDS URIs begin with
@@ -132,6 +134,11 @@ def derived(function):
     return lambda wildcards, input: function(wildcards)
 
 
+def made_from(rule):
+    """Parameter of a rule on a case, by which `cortet.cohort.states` knows a failure that still counts."""
+    return derived(partial(JOBS.made_from, rule))
+
+
 def hemisphere(wildcards):
     """Parameter of a rule: the hemisphere of the case, or None for an entire brain."""
     return CASES[wildcards.case].hemi
@@ -142,23 +149,25 @@ def names_of(kind):
     return lambda wildcards: list(getattr(CASES[wildcards.case], kind))
 
 
-def stage_params(stage):
-    """Parameters of the job of a stage, on which its result depends or which its report records."""
+def stage_params(*stages):
+    """Parameters of the job of some stages, on which its result depends or which the report of the last one records."""
+    *_, last = stages
     return {
-        "arguments": partial(PLAN.arguments, stage),
-        "locations": derived(partial(PLAN.locations, stage)),
-        "stages_before": partial(PLAN.stages_before, stage),
-        "version": versions(f"stages.{stage}", *(["measure.quality"] if stage in LABELS else [])),
-        **recorded(STAGES[stage].label),
+        "steps": partial(JOBS.steps, stages),
+        "locations": derived(JOBS.locations),
+        "made_from": made_from(last),
+        "stages_before": partial(JOBS.stages_before, last),
+        "version": versions(*(["measure.quality"] if last in LABELS else [])),
+        **recorded(STAGES[last].label),
     }
 
 
 def recorded(label):
     """Parameters of a rule that say in its report whose it is, what it was made from, and in whose space it is."""
     return {
-        "origin": partial(PLAN.origin, label),
-        "input_sha256": PLAN.input_sha256,
-        "space": derived(PLAN.space),
+        "origin": partial(JOBS.origin, label),
+        "input_sha256": SOURCES.input_sha256,
+        "space": derived(SOURCES.space),
         "roots": ROOTS,
     }
 
@@ -174,10 +183,9 @@ def took(rule, wildcards):
 
 def asked(rule):
     """Memory and minutes that a job on a case asks for, and the seconds after which it ends itself."""
-    cost(rule)  # an error here and now for a rule that nobody has measured
     return {
-        "mem_mb": partial(PLAN.megabytes, rule),
-        "runtime": partial(PLAN.minutes, rule),
+        "mem_mb": partial(JOBS.megabytes, rule),
+        "runtime": partial(JOBS.minutes, rule),
         "time_limit": round(60 * (CONFIG.time_limit or 0)),
     }
 

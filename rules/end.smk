@@ -9,9 +9,9 @@ import subprocess
 import sys
 
 from cortet.cohort.app import outcome, workflow as of_workflow
-from cortet.cohort.failures import with_failures
 from cortet.cohort.lock import hold, is_held_by_parent
 from cortet.cohort.outdated import set_aside
+from cortet.cohort.states import States, read_states
 from cortet.cohort.status import in_words
 from cortet.over_all import is_of_run, remember_run
 
@@ -34,7 +34,7 @@ onstart:
     except CortetError as error:
         raise WorkflowError(str(error)) from None
     dropped = is_of_run(config, CONFIG.output)
-    for moved in [] if workflow.touch else set_aside(PLAN, dropped=dropped):
+    for moved in [] if workflow.touch else set_aside(States(PLAN), dropped=dropped):
         logger.warning(moved)
     remember_run(PLAN, config, ASKED)
     limit = workflow.scheduling_settings.max_jobs_per_timespan
@@ -48,7 +48,7 @@ def end_run(after):
     if not workflow.touch and (HAD_RESULTS or after == "failure"):
         report_what_is_there(after)
     if HELD:
-        logger.warning(outcome(with_failures(PLAN), Path(OUT), page="cohort_page" in ASKED))
+        logger.warning(outcome(read_states(PLAN), Path(OUT), page="cohort_page" in ASKED))
 
 
 onsuccess:
@@ -56,10 +56,7 @@ onsuccess:
 
 
 onerror:
-    plan = with_failures(PLAN)
-    for (case, *_), failure in plan.failures.items():
+    for (case, *_), failure in read_states(PLAN).failures.items():
         if failure["state"] != "unfinished":
             logger.error(f"{case}: {failure['stage']}: {in_words(failure)}")
-    for moved in set_aside(plan):
-        logger.warning(moved)
     end_run("failure")

@@ -13,7 +13,7 @@ rule fold:
     fold of the same mesh, which was certified again with other limits, takes seconds.
     """
     input:
-        mesh=LAYOUT.mesh("Solver"),
+        mesh=LAYOUT.mesh(LABELS["solver_ready"]),
     output:
         verdict=FOLDS.fold("verdict.json"),
         table=FOLDS.fold("fold.tsv"),
@@ -25,10 +25,11 @@ rule fold:
     benchmark:
         took("fold", (*MESH, "variant"))
     priority: 3
-    threads: lambda wildcards: 1 if PLAN.tets(wildcards) < 2e5 else 2
+    threads: lambda wildcards: 1 if JOBS.tets(wildcards) < 2e5 else 2
     resources:
         **asked("fold"),
     params:
+        made_from=made_from("fold"),
         arguments=FOLDS.arguments,
         version=version_of("folding.fold"),
     script:
@@ -39,9 +40,9 @@ rule folded_surface:
     """The folded cortex of a week on the vertices of its own surface, and what is measured there."""
     input:
         series=rules.fold.output.series,
-        mesh=LAYOUT.mesh("Solver"),
-        meshed=PLAN.meshed_surface,
-        surface=PLAN.surface,
+        mesh=LAYOUT.mesh(LABELS["solver_ready"]),
+        meshed=INPUTS.meshed_surface,
+        surface=SOURCES.surface,
     output:
         **FOLDS.surfaces(),
     log:
@@ -52,11 +53,12 @@ rule folded_surface:
     resources:
         **asked("folded_surface"),
     params:
+        made_from=made_from("folded_surface"),
         week=lambda wildcards: float(wildcards.week),
         hemisphere=hemisphere,
-        to_mm=PLAN.placement,
-        resampled=PLAN.is_resampled,
-        input_sha256=PLAN.input_sha256,
+        to_mm=SOURCES.placement,
+        resampled=SOURCES.is_resampled,
+        input_sha256=SOURCES.input_sha256,
         version=versions("folding.fold", "folding.folded_surface"),
     script:
         "../scripts/folded_surface.py"
@@ -81,6 +83,7 @@ rule fold_figures:
     resources:
         **asked("fold_figures"),
     params:
+        made_from=made_from("fold_figures"),
         hemisphere=hemisphere,
         files=derived(FOLDS.real_surfaces),
         maps=derived(FOLDS.pictured),

@@ -8,9 +8,9 @@ here and in the files that follow: the first cases are done while the last ones 
 rule generate:
     """S1: fill the surface with tetrahedra."""
     input:
-        surface=PLAN.meshed_surface,
-        inner=PLAN.inner_surfaces,
-        fields=PLAN.fields if CONFIG.generate.size_field else [],  # other fields do not make S1 run again
+        surface=INPUTS.meshed_surface,
+        inner=INPUTS.inner_surfaces,
+        fields=INPUTS.fields if CONFIG.generate.size_field else [],  # other fields do not make S1 run again
     output:
         **mesh_of("generate"),
     log:
@@ -31,10 +31,10 @@ rule generate:
 rule transfer:
     """S2: carry the fields of the surface to the nodes, and write the mesh for openCARP and meshtool."""
     input:
-        mesh=partial(PLAN.mesh_before, "transfer"),
-        surface=PLAN.meshed_surface,
-        inner=PLAN.inner_surfaces,
-        fields=PLAN.fields,
+        mesh=partial(INPUTS.mesh_before, "transfer"),
+        surface=INPUTS.meshed_surface,
+        inner=INPUTS.inner_surfaces,
+        fields=INPUTS.fields,
     output:
         **mesh_of("transfer"),
         carp=intermediate(multiext(LAYOUT.mesh("Transferred", "tetmesh"), ".pts", ".elem", ".lon")),
@@ -55,7 +55,9 @@ rule transfer:
 rule relocate:
     """S3: Gmsh moves interior nodes, so that elements get better on average."""
     input:
-        mesh=partial(PLAN.mesh_before, "relocate"),
+        mesh=partial(INPUTS.mesh_before, "relocate"),
+        surface=INPUTS.meshed_surface,
+        inner=INPUTS.inner_surfaces,
     output:
         **mesh_of("relocate"),
     log:
@@ -74,9 +76,9 @@ rule relocate:
 rule clean:
     """S4: move vertices until the worst elements are good."""
     input:
-        mesh=partial(PLAN.mesh_before, "clean"),
-        surface=PLAN.meshed_surface,
-        inner=PLAN.inner_surfaces,
+        mesh=partial(INPUTS.mesh_before, "clean"),
+        surface=INPUTS.meshed_surface,
+        inner=INPUTS.inner_surfaces,
     output:
         **mesh_of("clean"),
     log:
@@ -95,9 +97,9 @@ rule clean:
 rule reconnect:
     """S4+: swap faces and edges of elements that moving cannot improve."""
     input:
-        mesh=partial(PLAN.mesh_before, "reconnect"),
-        surface=PLAN.meshed_surface,
-        inner=PLAN.inner_surfaces,
+        mesh=partial(INPUTS.mesh_before, "reconnect"),
+        surface=INPUTS.meshed_surface,
+        inner=INPUTS.inner_surfaces,
     output:
         **mesh_of("reconnect"),
     log:
@@ -116,9 +118,9 @@ rule reconnect:
 rule smooth_boundary:
     """Smooth the boundary, as the published chain does."""
     input:
-        mesh=partial(PLAN.mesh_before, "smooth_boundary"),
-        surface=PLAN.meshed_surface,
-        inner=PLAN.inner_surfaces,
+        mesh=partial(INPUTS.mesh_before, "smooth_boundary"),
+        surface=INPUTS.meshed_surface,
+        inner=INPUTS.inner_surfaces,
     output:
         **mesh_of("smooth_boundary"),
     log:
@@ -137,9 +139,9 @@ rule smooth_boundary:
 rule snap:
     """S6: put the boundary onto the surface."""
     input:
-        mesh=partial(PLAN.mesh_before, "snap"),
-        surface=PLAN.meshed_surface,
-        inner=PLAN.inner_surfaces,
+        mesh=partial(INPUTS.mesh_before, "snap"),
+        surface=INPUTS.meshed_surface,
+        inner=INPUTS.inner_surfaces,
     output:
         **mesh_of("snap"),
     log:
@@ -161,15 +163,14 @@ rule solver_ready:
     A mesh that is not certified is a result, not a failure.
     """
     input:
-        mesh=partial(PLAN.mesh_before, "solver_ready"),
-        surface=PLAN.meshed_surface,
-        inner=PLAN.inner_surfaces,
-        fields=PLAN.fields,
-        source=PLAN.surface,
+        mesh=partial(INPUTS.mesh_before, "solver_ready"),
+        surface=INPUTS.meshed_surface,
+        inner=INPUTS.inner_surfaces,
+        fields=INPUTS.fields,
+        source=SOURCES.surface,
         gated=LAYOUT.surface("gated"),
-        reports=lambda wildcards: list(PLAN.reports(wildcards).values())[:-1],  # the last one is its own
-        inner_repairs=partial(PLAN.inner_reports, "repair"),
-        inner_resamplings=partial(PLAN.inner_reports, "resample"),
+        reports=lambda wildcards: list(INPUTS.reports(wildcards).values())[:-1],  # the last one is its own
+        inner_reports=INPUTS.inner_reports,
     output:
         **mesh_of("solver_ready"),
         certificate=LAYOUT.certificate,
@@ -183,11 +184,10 @@ rule solver_ready:
     params:
         **stage_params("solver_ready"),
         names_of_fields=names_of("fields"),
-        limits=lambda wildcards: PLAN.setting(wildcards).certify.values(),
+        limits=lambda wildcards: INPUTS.setting(wildcards).certify.values(),
         layers=CONFIG.export.layers,
-        line=derived(PLAN.recorded_line),
-        settings=PLAN.recorded_settings,
-        to_mm=PLAN.placement,
+        line=JOBS.recorded_line,
+        to_mm=SOURCES.placement,
         inner=names_of("inner"),
     script:
         "../scripts/solver_ready.py"

@@ -5,7 +5,7 @@ None of this is part of `all`; ask for `tables` or `figures`.
 
 from cortet.paper.experiments import Experiments
 
-EXPERIMENTS = Experiments(PLAN)
+EXPERIMENTS = Experiments(States(PLAN))
 
 
 rule tables:
@@ -47,7 +47,7 @@ rule figures:
 checkpoint baseline:
     """S1 by a mesher of another project; where it fails, the mesh is empty and its records say why."""
     input:
-        surface=PLAN.meshed_surface,
+        surface=INPUTS.meshed_surface,
     output:
         mesh=LAYOUT.mesh("Generated"),
         report=LAYOUT.mesh("Generated", "tetmesh.json"),
@@ -59,15 +59,11 @@ checkpoint baseline:
     wildcard_constraints:
         mesher="|".join(EXPERIMENTS.compared_meshers) or "none",
     resources:
-        mem_mb=partial(PLAN.megabytes, "generate"),
+        mem_mb=partial(JOBS.megabytes, "generate"),
         runtime=CONFIG.experiments.ablation.time_limit + 5,
     params:
         **recorded(LABELS["generate"]),
-        arguments=lambda wildcards: {
-            "mesher": wildcards.mesher,
-            "cell_size": int(wildcards.res) / 1000,
-            "time_limit": CONFIG.experiments.ablation.time_limit,
-        },
+        time_limit=CONFIG.experiments.ablation.time_limit,
         version=versions("meshers.baselines", "measure.quality"),
     script:
         "../scripts/baseline.py"

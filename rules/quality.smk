@@ -4,12 +4,12 @@
 rule case_page:
     """A page on one mesh for a browser. One that failed has a page of its own kind (cortet.over_all)."""
     input:
-        surface=PLAN.surface,
-        meshed=PLAN.meshed_surface,
-        inner=PLAN.inner_surfaces,
-        mesh=LAYOUT.mesh("Solver"),
+        surface=SOURCES.surface,
+        meshed=INPUTS.meshed_surface,
+        inner=INPUTS.inner_surfaces,
+        mesh=LAYOUT.mesh(LABELS["solver_ready"]),
         certificate=LAYOUT.certificate,
-        tissues=PLAN.tissues,
+        tissues=INPUTS.tissues,
     output:
         page=LAYOUT.case_page,
         thumbnail=LAYOUT.thumbnail,
@@ -21,11 +21,12 @@ rule case_page:
     resources:
         **asked("case_page"),
     params:
-        about=PLAN.about,
-        input_sha256=PLAN.input_sha256,
-        to_mm=PLAN.placement,
+        made_from=made_from("case_page"),
+        about=JOBS.page_facts,
+        input_sha256=SOURCES.input_sha256,
+        to_mm=SOURCES.placement,
         cohort=derived(lambda wildcards: beside(LAYOUT.cohort_page, LAYOUT.case_page.format(**wildcards))),
-        exported=PLAN.exported,
+        exported=JOBS.exported,
         names_of_volumes=names_of("volumes"),
         version=[version_of("report.pages"), version_of("report.render")],
     script:
@@ -36,10 +37,10 @@ rule case_maps:
     """A case at the vertices of the common mesh, with its fields and its distance to the mesh."""
     input:
         resampled=LAYOUT.surface("resampled"),
-        meshed=PLAN.meshed_surface,
-        inner=PLAN.inner_surfaces,
-        fields=PLAN.fields,
-        mesh=LAYOUT.mesh("Solver"),
+        meshed=INPUTS.meshed_surface,
+        inner=INPUTS.inner_surfaces,
+        fields=INPUTS.fields,
+        mesh=LAYOUT.mesh(LABELS["solver_ready"]),
     output:
         maps=LAYOUT.mesh("Solver", "maps.surf.gii"),
     log:
@@ -50,6 +51,7 @@ rule case_maps:
     resources:
         **asked("case_maps"),
     params:
+        made_from=made_from("case_maps"),
         version=version_of("report.cohort_maps"),
         names_of_fields=names_of("fields"),
     script:
@@ -59,12 +61,12 @@ rule case_maps:
 rule volumes:
     """What the volumes of a case hold inside each tetrahedron; the table of their labels, and slices with the mesh in them."""
     input:
-        mesh=LAYOUT.mesh("Solver"),
-        surface=PLAN.meshed_surface,
-        inner=PLAN.inner_surfaces,
-        volumes=existing_of(PLAN.volume_paths),
+        mesh=LAYOUT.mesh(LABELS["solver_ready"]),
+        surface=INPUTS.meshed_surface,
+        inner=INPUTS.inner_surfaces,
+        volumes=existing_of(SOURCES.volume_paths),
     output:
-        mesh=intermediate(LAYOUT.mesh("Solver", "volumes.vtu")),
+        mesh=intermediate(LAYOUT.mesh(LABELS["solver_ready"], "volumes.vtu")),
         table=LAYOUT.mesh("Solver", "volumes.tsv"),
         sidecar=LAYOUT.mesh("Solver", "volumes.json"),
         picture=LAYOUT.mesh("Solver", "slices.png"),
@@ -76,11 +78,12 @@ rule volumes:
     resources:
         **asked("volumes"),
     params:
+        made_from=made_from("volumes"),
         version=versions("solver_files.volumes", "report.slices"),
         volumes=derived(lambda wildcards: dict(CASES[wildcards.case].volumes)),
         names_of_volumes=names_of("volumes"),
-        paths=derived(PLAN.volume_paths),
-        input_sha256=lambda wildcards: content(PLAN.volume_paths(wildcards)),
+        paths=derived(SOURCES.volume_paths),
+        input_sha256=lambda wildcards: content(SOURCES.volume_paths(wildcards)),
     script:
         "../scripts/volumes.py"
 
@@ -88,11 +91,11 @@ rule volumes:
 rule export:
     """The mesh as a solver reads it, with its sets and a sidecar, verified as written; refused when it is not certified."""
     input:
-        mesh=PLAN.mesh_with_volumes,
+        mesh=INPUTS.mesh_with_volumes,
         certificate=LAYOUT.certificate,
-        surface=PLAN.meshed_surface,
-        inner=PLAN.inner_surfaces,
-        fields=existing_of(PLAN.field_paths),
+        surface=INPUTS.meshed_surface,
+        inner=INPUTS.inner_surfaces,
+        fields=existing_of(SOURCES.field_paths),
     output:
         mesh=LAYOUT.mesh("Solver", "{suffix}"),
         sidecar=LAYOUT.mesh("Solver", "{suffix}.json"),
@@ -104,16 +107,17 @@ rule export:
     resources:
         **asked("export"),
     params:
+        made_from=made_from("export"),
         arguments=lambda wildcards: CONFIG.export_arguments(EXPORTED[wildcards.suffix]),
         version=version_of("solver_files.export"),
-        sets=lambda wildcards: CONFIG.export.sets(PLAN.kind_of_surface(wildcards)),
+        sets=lambda wildcards: CONFIG.export.sets(SOURCES.kind_of_surface(wildcards)),
         inner=names_of("inner"),
-        given=derived(PLAN.given_surfaces),
+        given=derived(SOURCES.given_surfaces),
         age=lambda wildcards: CASES[wildcards.case].scan_age,
         volumes=derived(lambda wildcards: dict(CASES[wildcards.case].volumes)),
         names_of_volumes=names_of("volumes"),
-        input_sha256=lambda wildcards: content(PLAN.field_paths(wildcards)),
-        paths=derived(PLAN.field_paths),
+        input_sha256=lambda wildcards: content(SOURCES.field_paths(wildcards)),
+        paths=derived(SOURCES.field_paths),
     script:
         "../scripts/export.py"
 
@@ -123,11 +127,11 @@ if CONFIG.export.ten_nodes:
     rule ten_nodes:
         """The mesh with elements of ten nodes that follow the surface, for solvers; refused when it is not certified."""
         input:
-            mesh=PLAN.mesh_with_volumes,
+            mesh=INPUTS.mesh_with_volumes,
             certificate=LAYOUT.certificate,
-            surface=PLAN.meshed_surface,
-            inner=PLAN.inner_surfaces,
-            fields=existing_of(PLAN.field_paths),
+            surface=INPUTS.meshed_surface,
+            inner=INPUTS.inner_surfaces,
+            fields=existing_of(SOURCES.field_paths),
         output:
             LAYOUT.ten_node_files(CONFIG.export.ten_nodes),
         log:
@@ -138,13 +142,14 @@ if CONFIG.export.ten_nodes:
         resources:
             **asked("ten_nodes"),
         params:
+            made_from=made_from("ten_nodes"),
             arguments={"uncertified": CONFIG.export.uncertified},
             version=versions("solver_files.ten_nodes", "solver_files.export"),
             max_boundary_distance=CONFIG.certify.max_boundary_distance,
-            sets=lambda wildcards: CONFIG.export.sets(PLAN.kind_of_surface(wildcards)),
+            sets=lambda wildcards: CONFIG.export.sets(SOURCES.kind_of_surface(wildcards)),
             volumes=derived(lambda wildcards: dict(CASES[wildcards.case].volumes)),
             names_of_volumes=names_of("volumes"),
-            input_sha256=lambda wildcards: content(PLAN.field_paths(wildcards)),
-            paths=derived(PLAN.field_paths),
+            input_sha256=lambda wildcards: content(SOURCES.field_paths(wildcards)),
+            paths=derived(SOURCES.field_paths),
         script:
             "../scripts/ten_nodes.py"

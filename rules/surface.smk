@@ -13,7 +13,8 @@ rule phantom:
     resources:
         **asked("phantom"),
     params:
-        arguments=PLAN.phantom_arguments,
+        made_from=made_from("phantom"),
+        arguments=JOBS.phantom_arguments,
         version=version_of("phantoms"),
     script:
         "../scripts/phantom.py"
@@ -34,6 +35,7 @@ rule phantom_inner:
     resources:
         **asked("phantom_inner"),
     params:
+        made_from=made_from("phantom_inner"),
         arguments={"thickness": CONFIG.phantom.thickness},
         version=version_of("phantoms"),
     script:
@@ -43,10 +45,10 @@ rule phantom_inner:
 rule fields:
     """The per-vertex fields of a case on the vertices that the gate let in; S1 does not depend on them."""
     input:
-        surface=PLAN.surface,
-        fields=existing_of(PLAN.field_paths),
-        sphere=PLAN.sphere,
-        template=PLAN.template,
+        surface=SOURCES.surface,
+        fields=existing_of(SOURCES.field_paths),
+        sphere=SOURCES.sphere,
+        template=SOURCES.template,
     output:
         surface=LAYOUT.surface("fields"),
     log:
@@ -56,25 +58,23 @@ rule fields:
     resources:
         **asked("fields"),
     params:
-        arguments=partial(PLAN.arguments, "gate"),
-        locations=derived(partial(PLAN.locations, "gate")),
-        repair=partial(PLAN.arguments, "repair") if CONFIG.enabled("repair") else None,
-        resample=lambda wildcards: PLAN.arguments("resample", wildcards) if PLAN.is_resampled(wildcards) else None,
-        to_mm=PLAN.placement,
-        version=versions("stages.gate", "stages.repair", "stages.resample"),
-        input_sha256=lambda wildcards: content(PLAN.all_paths(wildcards)),
-        paths=derived(PLAN.all_paths),
-        files=derived(PLAN.field_paths),
+        made_from=made_from("fields"),
+        steps=partial(JOBS.steps, ("resample", "repair", "gate")),
+        locations=derived(JOBS.locations),
+        to_mm=SOURCES.placement,
+        input_sha256=lambda wildcards: content(SOURCES.all_paths(wildcards)),
+        paths=derived(SOURCES.all_paths),
+        files=derived(SOURCES.field_paths),
     script:
-        "../scripts/fields.py"
+        "../scripts/surface.py"
 
 
 rule resample:
     """Put a surface that has a sphere onto the mesh that all cases share."""
     input:
-        surface=PLAN.surface,
-        sphere=PLAN.sphere,
-        template=PLAN.template,
+        surface=SOURCES.surface,
+        sphere=SOURCES.sphere,
+        template=SOURCES.template,
     output:
         **surface_of("resampled"),
     log:
@@ -85,18 +85,17 @@ rule resample:
         **asked("resample"),
     params:
         **stage_params("resample"),
-        source=derived(PLAN.source),
-        column=derived(PLAN.column),
-        to_mm=PLAN.placement,
+        column=derived(SOURCES.column),
+        to_mm=SOURCES.placement,
         hemi=hemisphere,
     script:
-        "../scripts/resample.py"
+        "../scripts/surface.py"
 
 
 rule gate:
     """Repair a surface where there is one right answer, and let it in if it can be meshed; refuse any other."""
     input:
-        surface=PLAN.first_surface,
+        surface=INPUTS.first_surface,
     output:
         **surface_of("gated"),
         repair=LAYOUT.each_surface("repaired", "white.json") if CONFIG.enabled("repair") else [],
@@ -107,14 +106,12 @@ rule gate:
     resources:
         **asked("gate"),
     params:
-        **stage_params("gate"),
-        repair=partial(PLAN.arguments, "repair") if CONFIG.enabled("repair") else None,
-        version_of_repair=version_of("stages.repair"),
-        column=derived(PLAN.column),
-        to_mm=lambda wildcards: None if PLAN.is_resampled(wildcards) else PLAN.placement(wildcards),
+        **stage_params("repair", "gate"),
+        column=derived(SOURCES.column),
+        to_mm=lambda wildcards: None if SOURCES.is_resampled(wildcards) else SOURCES.placement(wildcards),
         hemi=hemisphere,
     script:
-        "../scripts/gate.py"
+        "../scripts/surface.py"
 
 
 rule smooth_surface:
@@ -132,14 +129,14 @@ rule smooth_surface:
     params:
         **stage_params("smooth_surface"),
     script:
-        "../scripts/smooth_surface.py"
+        "../scripts/surface.py"
 
 
 rule separate:
     """Move inner surfaces away from the one around them; the output is one of them, the report is about all."""
     input:
-        surface=PLAN.meshed_surface,
-        inner=PLAN.inner_before_separating,
+        surface=INPUTS.meshed_surface,
+        inner=INPUTS.inner_before_separating,
     output:
         surface=LAYOUT.separated(),
         report=LAYOUT.separated("white.json"),

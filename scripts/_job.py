@@ -26,17 +26,20 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 # the workflow runs the package it comes with (beside it in a checkout, around it in an installed package), even in a
 # conda environment that has another one or none
 _folder = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(_folder if (_folder / "cortet").is_dir() else _folder.parents[1]))
 
-from cortet.cohort.status import began, failure_path, write_failure
+from cortet.cohort.status import STOPPED, failure_path, write_failure
 from cortet.errors import CortetError
 from cortet.formats import child
 from cortet.formats.ownership import delete_abandoned
+
+if TYPE_CHECKING:
+    from cortet.stages.stage import State
 
 logger = logging.getLogger("cortet")
 
@@ -50,16 +53,31 @@ class Job:
     params: Any
     wildcards: Any
 
-    @property
-    def arguments(self) -> dict[str, Any]:
-        """Keyword arguments of the function that the script calls."""
-        return {**self.params.arguments, **self.params.get("locations", {})}
+    def state(self) -> State:
+        """The mesh of the job, the surface that was meshed with its inner ones, and its fields, where it has them."""
+        from cortet.formats import gifti, vtu
+        from cortet.stages.stage import State
+
+        surface = gifti.read_nested(self.input.surface, self.input.inner, self.input.get("fields"))
+        return State(surface, mesh=vtu.read(self.input.mesh)) if self.input.get("mesh") else State(surface)
+
+    def through(self, state: State) -> tuple[State, dict[str, dict[str, Any]]]:
+        """Take a state through the stages of the job; returns also their reports, by stage."""
+        from cortet.config import Config
+        from cortet.stages import STAGES
+        from cortet.stages.stage import About
+
+        reports = {}
+        for name, step in self.params.steps.items():
+            about = About(**step["about"], **self.params.locations)
+            state, reports[name] = STAGES[name].run(state, Config(**step["settings"]), about)
+        return state, reports
 
     def require_unchanged_input(self) -> None:
         """Raise StageError if a file of the user that the job has read is not the one it was planned with."""
         from cortet.cohort.user_files import require_unchanged
 
-        require_unchanged(self.params.paths, self.params.input_sha256)
+        require_unchanged(self.params.get("paths", {}), self.params.input_sha256)
 
     def record(self, report: Mapping[str, Any]) -> dict[str, Any]:
         """The report, with its origin, the inputs that its file was made from, and their space.
@@ -71,8 +89,7 @@ class Job:
         """
         from cortet.cohort.bids import Places, provenance
 
-        if self.params.get("paths"):
-            self.require_unchanged_input()
+        self.require_unchanged_input()
         places = Places(*map(Path, self.params.roots))
         about = {"origin": self.params.origin, "input_sha256": self.params.input_sha256}
         return {**about, **provenance(self.input, self.params.get("space"), places), **report}
@@ -88,7 +105,7 @@ def start(snakemake: Any) -> Job:
     if "pdb" not in sys.modules:  # a debugger has the terminal
         _log_to(log)
     sys.excepthook = partial(_log_failure, log, snakemake)
-    began(log, snakemake.rule, dict(snakemake.wildcards))
+    write_failure(log, *_identity(snakemake))
     atexit.register(_forget, failure_path(log))
     logger.info("%s of %s with %s", snakemake.rule, dict(snakemake.wildcards), dict(snakemake.params))
     if seconds := snakemake.resources.get("time_limit", 0):
@@ -98,6 +115,11 @@ def start(snakemake: Any) -> Job:
     for output in map(Path, snakemake.output):  # what an attempt that was killed has left
         delete_abandoned(output.parent, glob.escape(output.name))
     return Job(snakemake.input, snakemake.output, snakemake.params, snakemake.wildcards)
+
+
+def _identity(snakemake: Any) -> tuple[str, dict[str, str], str | None]:
+    """Rule, wildcards and `made_from` of a job."""
+    return snakemake.rule, dict(snakemake.wildcards), snakemake.params.get("made_from")
 
 
 def _use_own_temporary_folder(log: Path) -> None:
@@ -127,11 +149,10 @@ def _forget(path: Path) -> None:
 def _log_failure(
     log: Path, snakemake: Any, kind: type[BaseException], error: BaseException, trace: TracebackType | None
 ) -> None:
-    if issubclass(kind, KeyboardInterrupt):  # the last line of the log says so
-        traceback.print_exception(kind, error, trace)
-        return
+    if issubclass(kind, KeyboardInterrupt):
+        error = CortetError(STOPPED)
     with contextlib.suppress(OSError):  # the disk may be full
-        write_failure(log, snakemake.rule, dict(snakemake.wildcards), error)
+        write_failure(log, *_identity(snakemake), error)
     if not isinstance(error, CortetError):
         traceback.print_exception(kind, error, trace)
         error = CortetError(f"{kind.__name__}: {error}")

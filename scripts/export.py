@@ -30,7 +30,7 @@ told = export_made(
         age=job.params.age,
     ),
     **named,
-    arguments=job.arguments,
+    arguments=job.params.arguments,
 )
 for what in told:
     logging.getLogger("cortet").info("%s", what)

@@ -15,7 +15,7 @@ from cortet.formats import vtu
 verdict = fold(
     vtu.read(job.input.mesh),
     Path(job.output.verdict).parent,
-    Settings(**job.arguments),
+    Settings(**job.params.arguments),
     per_percent(logging.getLogger("cortet").info),
 )
 logging.getLogger("cortet").info("%s", verdict.reason)

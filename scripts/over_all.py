@@ -4,7 +4,7 @@ from _job import start
 
 job = start(snakemake)
 
-from cortet.cohort.failures import with_failures
+from cortet.cohort.states import read_states
 from cortet.over_all import plan_of, results
 
-results(with_failures(plan_of(snakemake.config), ended=False))[snakemake.rule].write()
+results(read_states(plan_of(snakemake.config), ended=False))[snakemake.rule].write()

@@ -7,5 +7,5 @@ job = start(snakemake)
 from cortet.formats.gifti import write_surface
 from cortet.phantoms import phantom_with_sphere
 
-for surface, file in zip(phantom_with_sphere(**job.arguments), job.output, strict=True):
+for surface, file in zip(phantom_with_sphere(**job.params.arguments), job.output, strict=True):
     write_surface(surface, file)

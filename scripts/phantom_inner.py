@@ -7,4 +7,4 @@ job = start(snakemake)
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.phantoms import inset
 
-write_surface(inset(read_surface(job.input.surface), **job.arguments), job.output.surface)
+write_surface(inset(read_surface(job.input.surface), **job.params.arguments), job.output.surface)

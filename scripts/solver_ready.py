@@ -28,28 +28,29 @@ def report_of(path: str) -> dict[str, Any]:
 
 *before, last = (stage for stage in job.params.line if stage != "certify")
 reports = dict(zip(before, map(report_of, job.input.reports), strict=True))
-for stage, files in {"repair": job.input.inner_repairs, "resample": job.input.inner_resamplings}.items():
-    if files:
-        reports[stage]["inner"] = dict(zip(job.params.inner, map(report_of, files), strict=True))
-surface = gifti.read_nested(job.input.surface, job.input.inner, job.input.fields)
-mesh, report = STAGES[last].run(vtu.read(job.input.mesh), surface, **job.arguments)
+of_inner = map(report_of, job.input.inner_reports)
+for stage in before if job.params.inner else ():
+    if STAGES[stage].each_surface:
+        reports[stage]["inner"] = {name: next(of_inner) for name in job.params.inner}
+state, made = job.through(job.state())
+mesh, report = state.mesh, made[last]
 if reports.get("repair", {}).get("repaired"):  # the file lacks what repair made
     native = gifti.read_surface(job.input.gated)
 else:
     native = placed(gifti.read_surface(job.input.source, finite=False), job.params.to_mm)
 certificate = certify(
     mesh,
-    surface,
+    state.surface,
     Certify(**job.params.limits),
     cell_size=int(job.wildcards.res) / 1000,
     native=native,
     case=job.wildcards.case,
     source=job.input.source,
     parameters=job.params.line,
-    reports={**reports, last: asdict(report)},
+    reports={**reports, last: report},
     layers=job.params.layers,
 )
 vtu.write(mesh, job.output.mesh)
-write_json(job.record(asdict(report)), job.output.report)
+write_json(job.record(report), job.output.report)
 write_json(job.record(asdict(certificate.quality)), job.output.quality)
 write_json(asdict(certificate), job.output.certificate)

@@ -144,12 +144,12 @@ def mesh_name(wildcards: Mapping[str, str]) -> str:
 def reason(log: str) -> str | None:
     """Why a job failed: as it wrote beside its log; None if somebody stopped it."""
     try:
-        if Path(log).read_text(encoding="utf-8", errors="replace").endswith("KeyboardInterrupt\n"):
-            return None
         story = json.loads(Path(log).with_suffix(".failure.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return "it left no word; see its log"
     told = str(story.get("reason", "ended without a message: killed, or ran out of memory or time"))
+    if told == "stopped by you":
+        return None
     return f"{told} ({story['remedy']})" if story.get("remedy") else told
 
 
@@ -171,7 +171,7 @@ class LogHandler(LogHandlerBase):
         #: what is said at the end; until a run starts, it may be the answer to an option of Snakemake
         self._at_end: list[str] = []
         self._runs = False
-        #: whether jobs are taken as done, which says nothing of their meshes
+        #: whether jobs are taken as done, which says nothing of their meshes; Snakemake tells a logger only here
         self._only_touches = not {"--touch", "-t"}.isdisjoint(sys.argv)
         #: case -> how many jobs of each rule it has in a dry run
         self._plan: defaultdict[str, Counter[str]] = defaultdict(Counter)

@@ -32,6 +32,7 @@ from cortet.solver_files.meshed import Origin, cell_size_of, meshed_surface, par
 from cortet.solver_files.sets import OF_ARRAYS, require_same_regions, with_regions
 from cortet.solver_files.sidecar import changed_since, read_sidecar
 from cortet.stages.gate import require_size
+from cortet.stages.stage import About, State
 
 #: no inner surfaces
 NO_FILES: Mapping[str, str | Path] = MappingProxyType({})
@@ -128,11 +129,10 @@ def improve(
     bare = TetMesh(mesh.points, cells, {}, region)
     case = file.stem if file else ""
     found = improved(
-        bare,
-        filled,
+        State(filled, mesh=bare),
         config,
+        About(source=None if source is None else str(source)),
         cell_size=size,
-        source=source,
         case=case,
         repaired=known_repair(made, source),
         progress=teller(progress),

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cortet.api.delivery import deliver, file_of
 from cortet.api.given import (
     Settings,
     SurfaceLike,
@@ -30,12 +31,11 @@ from cortet.api.given import (
 from cortet.config import Config, load
 from cortet.errors import InputError
 from cortet.formats import format_of, read_mesh
-from cortet.formats.atomic import recorded
 from cortet.formats.gifti import hemisphere_of, kind_of
-from cortet.formats.ownership import delete_made, files_of, guarded, is_ours, json_of, may_write
+from cortet.formats.ownership import guarded
 from cortet.formats.placement import placed
 from cortet.formats.set_arrays import with_sets
-from cortet.formats.tables import names, write_table
+from cortet.formats.tables import names
 from cortet.formats.tags import regions
 from cortet.formats.volumes import TISSUE_COLUMNS, Volume
 from cortet.geometry.interpolation import applied
@@ -46,22 +46,18 @@ from cortet.measure.certify import Certificate, with_remarks
 from cortet.measure.layers import require_layers
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, region_names, require_measurable
-from cortet.pipeline import Step, companions, mesh_surface
-from cortet.solver_files.export import export_made
+from cortet.pipeline import Step, mesh_surface
 from cortet.solver_files.export import with_sets as with_named_sets
 from cortet.solver_files.fields import require_finite, with_fields, with_q, without_q
 from cortet.solver_files.laminar import Laminar
 from cortet.solver_files.meshed import (
     Origin,
-    certificate_path,
     refuse_uncertified_name,
-    require_own_stem,
-    uncertified_path,
-    write_meshed,
 )
-from cortet.solver_files.sidecar import CHANGED, changed_since, sidecar_path
+from cortet.solver_files.sidecar import CHANGED, changed_since
 from cortet.solver_files.surface_map import SurfaceMap, surface_map
 from cortet.solver_files.volumes import backgrounds, label_names, read_volumes, with_volumes
+from cortet.stages.stage import About, State
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -339,16 +335,16 @@ class Mesh:
         if self.certified:
             refuse_uncertified_name(path)
         uncertified = uncertified or self.config.export.uncertified
-        written = path if self.certified else uncertified_path(path)
+        target = file_of(path, certified=self.certified)
         if not self.certified and not uncertified:
             raise InputError(
                 f"was not written because the mesh is not certified: {'; '.join(self.certificate.reasons)}",
                 file=path,
-                remedy=f"give uncertified=True to write it as {written.name}",
+                remedy=f"give uncertified=True to write it as {target.name}",
             )
-        with guarded(self.inputs, files=[written], force=force):
-            write_files(self, written, force=force, uncertified=uncertified)
-        return written
+        with guarded(self.inputs, files=[target], force=force):
+            deliver(self, path, force=force, uncertified=uncertified)
+        return target
 
     def __repr__(self) -> str:
         verdict = "; ".join([self.certificate.verdict, *self.certificate.reasons])
@@ -435,14 +431,15 @@ def mesh(
         kind=kind_of(source) if source else None,
     )
     made = mesh_surface(
-        whole,
+        State(whole, None if sphere is None else surface(sphere)),
         config,
-        gestational_age=origin.age,
-        hemisphere=origin.hemisphere,
-        source=source,
-        inner_sources=inner_files,
-        sphere=None if sphere is None else surface(sphere),
-        sphere_source=_file(sphere),
+        About(
+            gestational_age=origin.age,
+            hemi=origin.hemisphere,
+            source=None if source is None else str(source),
+            sphere_file=str(sphere) if _file(sphere) else None,
+            inner={name: str(file) for name, file in inner_files.items()},
+        ),
         case=Path(source).name.partition(".")[0] if source else "",
         progress=teller(progress),
     )
@@ -487,75 +484,6 @@ def _file(given: Any) -> str | Path | None:
 def _files(given: Mapping[str, Any] | None) -> dict[str, str | Path]:
     """Those of some given things that are files."""
     return {name: one for name, one in (given or {}).items() if isinstance(one, str | Path)}
-
-
-def write_files(
-    made: Mesh,
-    path: Path,
-    *,
-    force: bool = False,
-    uncertified: bool = False,
-    views: Callable[[Callable[[Path], Path]], None] = lambda _: None,
-) -> list[str]:
-    """Write a mesh with its certificate, the surface that was meshed, and a table of its labels.
-
-    The file of a mesh that is not certified is left out unless `uncertified` is true.
-
-    Parameters
-    ----------
-    path : of the mesh; `uncertified_path` if it is not certified, so that the files of an earlier mesh stay
-    force : replace the companions of another mesh
-    views : writes pictures and pages; gets a function that gives the temporary name of each
-
-    Returns
-    -------
-    What the format cannot hold, in words.
-    """
-    config, origin, certificate = made.config, made.origin, asdict(made.certificate)
-    beside = companions(path, made.surface.inner, volumes=bool(made.tissue_rows))
-    if not force:
-        size, digest = config.generate.cell_size[0], made.certificate.mesh_sha256
-        require_own_stem(path, origin.given, cell_size=size, mesh_sha256=digest)
-    for file in (*beside.files, sidecar_path(path)):
-        may_write(file)
-    is_written = made.certified or uncertified
-    told = []
-
-    def write_mesh(folder: Path) -> None:
-        if is_written:
-            told.extend(
-                export_made(
-                    made.mesh,
-                    made.surface,
-                    path,
-                    certificate=certificate,
-                    origin=replace(origin, meshed=beside.surfaces),
-                    sets=config.export.sets(origin.kind),
-                    labels=label_names(made.volumes),
-                    arguments={**config.export_arguments(format_of(path).name), "uncertified": uncertified},
-                    temporary=folder,
-                )
-            )
-
-    # files of an earlier mesh of this name are not to be taken for this one's
-    earlier = (beside.certificate, sidecar_path(path))
-    with recorded(certificate, beside.certificate, replaced=earlier, then=write_mesh) as place:
-        write_meshed(made.surface, place(path))
-        if beside.tissues:
-            write_table(TISSUE_COLUMNS, made.tissue_rows, place(beside.tissues))
-        views(place)
-    if made.certified:
-        _delete_failed(uncertified_path(path))
-    return told
-
-
-def _delete_failed(path: Path) -> None:
-    """Delete an earlier mesh that was not certified, with its certificate; nothing if any of its files was edited."""
-    records = [file for file in (sidecar_path(path), certificate_path(path)) if file.exists()]
-    files = [path.with_name(name) for record in records for name in files_of(record)]
-    if json_of(certificate_path(path)).get("certified") is False and all(map(is_ours, [*records, *files])):
-        for record in records:
-            delete_made(record)
 
 
 def teller(progress: bool | Callable[[Step], None]) -> Callable[[Step], None]:

@@ -64,29 +64,29 @@ class Views:
     slices: Picture | None = None
     page: Annotated[OutputFile | None, Parameter(metavar="HTML")] = None
 
-    def write(self, made: Mesh, place: Callable[[Path], Path], files: Mapping[Path, str]) -> None:
+    def write(self, made: Mesh, temporary: Callable[[Path], Path], files: Mapping[Path, str]) -> None:
         """Write those that are asked for.
 
         Parameters
         ----------
-        place : gives the temporary file of each
+        temporary : gives the temporary file of each
         files : to which the page leads, and what they are
         """
         given = next(iter(made.native.values()), made.surface)
         if self.slices:
             from cortet.report.slices import slices
 
-            slices(made.mesh, *next(iter(made.volumes.items())), place(self.slices), given.frame)
+            slices(made.mesh, *next(iter(made.volumes.items())), temporary(self.slices), given.frame)
             print(f"{self.slices}: drawn")
         if self.picture:
-            made.picture(place(self.picture))
+            made.picture(temporary(self.picture))
             print(f"{self.picture}: drawn")
         if self.page:
             seen_from = self.page.absolute().parent
             links = {
                 os.path.relpath(file.absolute(), seen_from): f"{file.name} ({what})" for file, what in files.items()
             }
-            made.page(place(self.page), files=[*links.items()])
+            made.page(temporary(self.page), files=[*links.items()])
             print(f"{self.page}: written")
 
 
@@ -129,13 +129,12 @@ def mesh(
     --------
     cortet mesh lh.pial.surf.gii --inner lh.white.surf.gii -o lh.inp
     """
+    from cortet.api.delivery import files
     from cortet.config import load
     from cortet.formats.tables import printed
     from cortet.formats.volumes import TISSUE_COLUMNS
     from cortet.meshes import by_region
-    from cortet.pipeline import companions
-    from cortet.solver_files.meshed import refuse_uncertified_name, require_own_stem, uncertified_path
-    from cortet.solver_files.sidecar import sidecar_path
+    from cortet.solver_files.meshed import refuse_uncertified_name, require_own_stem
 
     if views.slices and not volume:
         raise UsageError("--slices needs a volume", remedy="give one: --volume NAME=FILE")
@@ -144,11 +143,8 @@ def mesh(
     settings = configured.settings(size, layers)
     cell_size = load(settings).generate.cell_size[0]
     format_of(output)
-    every = [
-        file
-        for target in (output, uncertified_path(output))
-        for file in (*companions(target, dict(inner), volumes=bool(volume)).files, sidecar_path(target))
-    ]
+    outs = [files(output, dict(inner), certified=is_so, volumes=bool(volume)) for is_so in (True, False)]
+    every = [file for out in outs for file in out.all]
     for file in every:
         may_write(file)
     for view in (views.page, views.picture, views.slices):
@@ -216,25 +212,23 @@ def _deliver(made: Mesh, output: Path, *, force: bool, views: Views = Views()) -
 
     A mesh that is not certified gets another name, so that an earlier mesh and its certificate stay.
     """
-    from cortet.api.meshing import write_files
-    from cortet.pipeline import companions
-    from cortet.solver_files.meshed import uncertified_path
+    from cortet.api.delivery import deliver, files
 
     made = replace(made, certificate=replace(made.certificate, case=output.stem))
-    target, uncertified = output if made.certified else uncertified_path(output), made.config.export.uncertified
-    beside = companions(target, made.surface.inner, volumes=bool(made.tissue_rows))
+    out = files(output, made.surface.inner, certified=made.certified, volumes=bool(made.tissue_rows))
+    uncertified = made.config.export.uncertified
     is_written = made.certified or uncertified
-    files = {target: f"the result, {format_of(target).name}"} if is_written else {}
-    files[beside.certificate] = "certificate, JSON"
-    told = write_files(
-        made, target, force=force, uncertified=uncertified, views=lambda place: views.write(made, place, files)
+    links = {out.mesh: f"the result, {format_of(out.mesh).name}"} if is_written else {}
+    links[out.certificate] = "certificate, JSON"
+    told = deliver(
+        made, output, force=force, uncertified=uncertified, views=lambda temporary: views.write(made, temporary, links)
     )
     print_verdict(made.certificate)
-    print(f"{beside.certificate}: every number with its limit")
+    print(f"{out.certificate}: every number with its limit")
     if is_written:
         for what in told:
-            print(f"{target}: {what}")
-        print(f"{target}: written, with the meshed surface: {next(iter(beside.surfaces.values())).name}")
+            print(f"{out.mesh}: {what}")
+        print(f"{out.mesh}: written, with the meshed surface: {next(iter(out.surfaces.values())).name}")
     if not made.certified:
         print(f"{output}: not written" + ("; the earlier file stays" if output.exists() else ""))
 

@@ -112,7 +112,7 @@ def report(
         raise InputError("no such folder", file=output_dir, remedy="name the output folder of a run")
     with nullcontext() if after else hold(folder):  # a run that ends has the lock
         for path in report(folder, after=after):
-            print(path)
+            print(os.path.relpath(path))
     return 0
 
 
@@ -169,7 +169,7 @@ def run(
     cortet run bids derivatives/cortet --participant-label 01 02 --formats vtu,inp
     """
     from cortet.cohort import app
-    from cortet.cohort.failures import with_failures
+    from cortet.cohort.states import read_states
     from cortet.config import read
     from cortet.folding.plan import Folds
     from cortet.over_all import aggregate, plan_of, run_record
@@ -211,12 +211,12 @@ def run(
                 )
             if "group" in asked and (alone or not (selection.is_all or dry_run)):
                 aggregate(written, output, dry_run=dry_run)
-            plan = with_failures(plan)
-            unfinished = [name for name, state in app.states_of(plan, names).items() if state == "unfinished"]
+            states = read_states(plan)
+            unfinished = [name for name, state in app.states_of(states, names).items() if state == "unfinished"]
             if alone and unfinished:
                 print(f"no mesh yet: {', '.join(unfinished)} (run the participant level to make them)")
             if not dry_run:
-                print(app.outcome(plan, output_dir, page="group" in asked, names=names))
+                print(app.outcome(states, output_dir, page="group" in asked, names=names))
     return int(code != 0)
 
 

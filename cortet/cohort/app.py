@@ -22,9 +22,9 @@ import yaml
 from cortet.cohort.bids import is_own_output, require_own_output
 from cortet.cohort.layout import EXPORTED
 from cortet.cohort.lock import hold
-from cortet.cohort.plan import Plan
 from cortet.cohort.scan import scan
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
+from cortet.cohort.states import States
 from cortet.cohort.status import status_rows
 from cortet.config import load, read
 from cortet.errors import InputError
@@ -264,36 +264,35 @@ def require_plain_python(python: str = sys.executable) -> None:
         )
 
 
-def outcome(plan: Plan, output: Path, *, page: bool, names: Collection[str] | None = None) -> str:
+def outcome(states: States, output: Path, *, page: bool, names: Collection[str] | None = None) -> str:
     """What became of the cases of a run, as the table of states says it, and where to look.
 
     Parameters
     ----------
-    plan : with its failures
     output : its output folder, as the user named it
     page : whether the run made the page of the cohort
     names : of the cases that the run was asked for; None: all
     """
-    rows = status_rows(plan.status())
-    states = _worst_states(rows, plan.cases if names is None else names)
-    if not states:
+    plan, rows = states.plan, status_rows(states.status())
+    worst = _worst_states(rows, plan.cases if names is None else names)
+    if not worst:
         return "the sheet includes no case"
-    counts = Counter(states.values())
+    counts = Counter(worst.values())
     told = [f"{counts[state]} {word}" for state, word in _IN_WORDS.items() if counts[state]]
     said_more = {row["case"] for row in rows if row.get("verdict") not in ("certified", None)}
-    if qualified := sum(state == "certified" and name in said_more for name, state in states.items()):
+    if qualified := sum(state == "certified" and name in said_more for name, state in worst.items()):
         told[0] += f" ({qualified} with repaired surfaces or relaxed limits)"
     words = ", ".join(told)
     files = " ".join(f"*Solver_{end}" for end, form in EXPORTED.items() if form in plan.config.export.formats)
     look = f"open {output}/cohort/index.html; " if page and Path(plan.layout.cohort_page).is_file() else ""
     has_meshes = any(path.exists() for mesh in plan.meshes() for path in plan.exports(mesh))
     meshes = f"meshes: {output}/sub-*/**/mesh/{files}" if has_meshes else "no mesh"
-    return f"{len(states)} {'case' if len(states) == 1 else 'cases'}: {words}; {look}{meshes}"
+    return f"{len(worst)} {'case' if len(worst) == 1 else 'cases'}: {words}; {look}{meshes}"
 
 
-def states_of(plan: Plan, names: Collection[str] | None = None) -> dict[str, str]:
+def states_of(states: States, names: Collection[str] | None = None) -> dict[str, str]:
     """The state of each case, that of the worst of its meshes; parameters as of `outcome`."""
-    return _worst_states(status_rows(plan.status()), plan.cases if names is None else names)
+    return _worst_states(status_rows(states.status()), states.plan.cases if names is None else names)
 
 
 def _worst_states(rows: Iterable[Mapping[str, Any]], names: Collection[str]) -> dict[str, str]:

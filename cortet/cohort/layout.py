@@ -18,6 +18,8 @@ from cortet.formats import FORMATS, Format
 from cortet.geometry.limits import NAME
 from cortet.stages import MESH_STAGES
 
+#: wildcards of a job, by their names
+Wildcards = Mapping[str, str]
 #: stage -> label of its result in the names of meshes
 LABELS = {name: stage.label for name, stage in MESH_STAGES.items()}
 #: labels of stages whose mesh is the same in every setting

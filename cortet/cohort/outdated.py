@@ -7,25 +7,20 @@ deleted.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from pathlib import Path
 
-from cortet.cohort.jobs import Job, Mesh, without_locations
+from cortet.cohort.jobs import Jobs
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import Case
-from cortet.cohort.status import certificate_of
+from cortet.cohort.states import CERTIFICATE, OUTDATED, States, certificates_of, has_other_input
 from cortet.formats.ownership import files_of, json_of
 
-#: folder of a case for its outdated results, in numbered folders
-FOLDER = "outdated"
-#: end of the name of a certificate
-_CERTIFICATE = "Solver_certificate.json"
 #: ends of the names of what a mesh has that failed
 _OF_FAILURE = ("Solver_report.html", "Solver_thumbnail.webp")
 
 
-def set_aside(plan: Plan, *, dropped: bool = False) -> list[str]:
+def set_aside(states: States, *, dropped: bool = False) -> list[str]:
     """Move outdated results to the folder `outdated` of their case.
 
     A case whose surface cannot be found keeps its results: its disk may be missing, and they are still those of the
@@ -33,14 +28,15 @@ def set_aside(plan: Plan, *, dropped: bool = False) -> list[str]:
 
     Parameters
     ----------
-    plan : with its failures, if a run has ended
+    states : of a run that has ended, or of one that is planned
     dropped : whether cases that the sheet does not name were in it before, and count as excluded
 
     Returns
     -------
     What moved, in sentences that name folders of the output folder.
     """
-    told, output = [], Path(plan.layout.output)
+    plan = states.plan
+    jobs, told, output = Jobs(plan), list[str](), Path(plan.layout.output)
 
     def move(case: Case, why: str, entries: Iterable[Path]) -> None:
         if moved := _move(output / case.folder, entries):
@@ -48,17 +44,20 @@ def set_aside(plan: Plan, *, dropped: bool = False) -> list[str]:
 
     for case in plan.cases.values():
         job = {"folder": case.folder, "case": case.name, "res": "any"}
-        changed = [one for one in certificates_of(plan, case) if _has_changed(plan, job, one)]
+        changed = [one for one in certificates_of(plan, case) if has_other_input(jobs, job, one)]
         move(case, "its surface has changed", [path for one in changed for path in _made_with(one)])
     for mesh, certificate in plan.certificates().items():
-        case, failure = plan.cases[mesh[0]], plan.failures.get(mesh, {})
-        if failure.get("state") == "failed" and None not in plan.input_sha256(plan.job(mesh)).values():
+        case, failure = plan.cases[mesh[0]], states.failures.get(mesh, {})
+        if failure.get("state") == "failed" and None not in jobs.sources.input_sha256(plan.job(mesh)).values():
             # the certificate itself may be gone: Snakemake deletes it before S5 runs again
-            entries = [] if plan.is_measured(mesh) else _made_with(certificate)
+            entries = [] if states.is_measured(mesh) else _made_with(certificate)
             entries = _with_companions(plan.exports(mesh)) if failure["stage"] == "volumes" else entries
             move(case, f"{failure['stage']} failed", entries)
-        others = [path for path in plan.other_exports(mesh) if _is_older(path, certificate)]
+        others = [path for path in plan.other_exports(mesh) if _is_of_another_mesh(path, certificate)]
         move(case, "it now has another mesh", _with_companions(others))
+        # earlier versions gave the mesh of the last stage, certified or not, the name of a result
+        of_stage = certificate.with_name(certificate.name.replace(CERTIFICATE, "Solver_tetmesh.vtu"))
+        move(case, "a mesh of the last stage has another name now", [of_stage] if of_stage.exists() else [])
     excluded = {case.name for case in plan.sheet if not case.include}
     for name, folder in _without_row(plan):
         if dropped or name in excluded:
@@ -69,53 +68,16 @@ def set_aside(plan: Plan, *, dropped: bool = False) -> list[str]:
     return told
 
 
-def earlier_results(plan: Plan, case: Case) -> Path | None:
-    """The folder with outdated results of a case; None if it has none."""
-    folder = Path(plan.layout.output) / case.folder / FOLDER
-    return folder if any(folder.glob(f"*/{case.name}_*")) else None
-
-
-def first_other_stage(plan: Plan, mesh: Mesh) -> str | None:
-    """The first stage, or `certify`, that made a mesh otherwise than planned; None if its certificate is current.
-
-    Its certificate records the parameters and versions of all stages; names of files do not count.
-    """
-    job, certificate = plan.job(mesh), Path(plan.file(plan.layout.certificate, mesh))
-    wanted = json.loads(json.dumps(plan.recorded_settings(job), default=str))
-    made = certificate_of(certificate).get("parameters")
-    if made is None:
-        reports = plan.reports(job)
-        return next((stage for stage in wanted if stage in reports and not Path(reports[stage]).exists()), "certify")
-    if _has_changed(plan, job, certificate):
-        return next(iter(wanted))
-    return next((stage for stage in wanted if wanted[stage] != without_locations(made.get(stage, {}))), None)
-
-
-def certificates_of(plan: Plan, case: Case) -> list[Path]:
-    """The certificates of a case that are there, of any cell size, mesher and setting."""
-    return sorted((Path(plan.layout.output) / case.folder).glob(f"mesh/{case.name}_res-*{_CERTIFICATE}"))
-
-
-def _has_changed(plan: Plan, job: Job, certificate: Path) -> bool:
-    """Whether a mesh was made from other files of the user than the present ones, as far as those can be read."""
-    record = json_of(certificate.with_name(certificate.name.replace(_CERTIFICATE, "Solver_tetmesh.json")))
-    made_from, present = record.get("input_sha256"), plan.input_sha256(job)
-    if not isinstance(made_from, dict):
-        return False
-    return made_from.keys() != present.keys() or any(
-        now is not None and made_from[name] != now for name, now in present.items()
-    )
-
-
-def _is_older(file: Path, certificate: Path) -> bool:
-    """Whether both files are there, and the first is older."""
-    return file.exists() and certificate.exists() and file.stat().st_mtime < certificate.stat().st_mtime
+def _is_of_another_mesh(file: Path, certificate: Path) -> bool:
+    """Whether a file for solvers has, by its sidecar, another mesh than a certificate; false if either is missing."""
+    of_file = (json_of(file.with_name(f"{file.name}.json")).get("made_from") or {}).get("mesh_sha256")
+    return of_file is not None and of_file != json_of(certificate).get("mesh_sha256", of_file)
 
 
 def _made_with(certificate: Path) -> list[Path]:
     """The mesh of a certificate, and what was made of it: exports, page, folds; not the page of a failure alone."""
-    folder, stem = certificate.parents[1], certificate.name.removesuffix(_CERTIFICATE)
-    found = [path for label in ("Solver", "Folded") for path in folder.glob(f"*/{stem}{label}*")]
+    folder, stem = certificate.parents[1], certificate.name.removesuffix(CERTIFICATE)
+    found = [path for label in ("Ordered", "Solver", "Folded") for path in folder.glob(f"*/{stem}{label}*")]
     return [] if all(path.name.endswith(_OF_FAILURE) for path in found) else found
 
 
@@ -131,7 +93,7 @@ def _with_companions(files: Iterable[Path]) -> list[Path]:
 
 def _without_row(plan: Plan) -> list[tuple[str, Path]]:
     """Names and folders of the cases that no row includes, but that have a certificate or the page of a failure."""
-    output, results = Path(plan.layout.output), (_CERTIFICATE, *_OF_FAILURE)
+    output, results = Path(plan.layout.output), (CERTIFICATE, *_OF_FAILURE)
     patterns = [f"{case}/mesh/*{end}" for case in ("sub-*", "sub-*/ses-*") for end in results]
     found = {(path.name.partition("_res-")[0], path.parents[1]) for one in patterns for path in output.glob(one)}
     return [(name, folder) for name, folder in sorted(found) if name not in plan.cases]
@@ -142,11 +104,11 @@ def _move(folder: Path, entries: Iterable[Path]) -> Path | None:
 
     They lose their folder `mesh`, by which people find results.
     """
-    entries = sorted(entries, key=lambda path: (path.name.endswith(_CERTIFICATE), path))
+    entries = sorted(entries, key=lambda path: (path.name.endswith(CERTIFICATE), path))
     if not entries:
         return None
-    numbers = [int(path.name) for path in (folder / FOLDER).glob("*") if path.name.isdecimal()]
-    target = folder / FOLDER / str(max(numbers, default=0) + 1)
+    numbers = [int(path.name) for path in (folder / OUTDATED).glob("*") if path.name.isdecimal()]
+    target = folder / OUTDATED / str(max(numbers, default=0) + 1)
     target.mkdir(parents=True)
     for path in entries:
         path.rename(target / path.name)

@@ -1,30 +1,143 @@
-"""What a run of the workflow does: the inputs and parameters of each job, and the files that are requested.
-
-The rules ask a `Plan` and hold no logic of their own.
-"""
+"""What a run is asked for: its configuration, its cases, its meshes, and the names of their files."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from cortet.cohort.jobs import Job, Jobs, Mesh
-from cortet.cohort.layout import EXPORTED, beside, filled
+from cortet.cohort.layout import LABELS, SHARED, Layout
 from cortet.cohort.selection import ageless_notice
+from cortet.cohort.sheet import Case
+from cortet.config import Config
+from cortet.formats import FORMATS
 from cortet.formats.ownership import changed_of, files_of
 from cortet.stages import stages_of
 
-#: rules after the certificate: the mesh is measured even if they fail
-AFTER_CERTIFICATE = (
-    *("volumes", "export", "ten_nodes", "case_page", "case_maps"),
-    *("fold", "fold_figures", "folded_surface"),
-)
+#: a mesh of the line: name of its case, cell size in µm, mesher
+Mesh = tuple[str, int, str]
+
+#: stages of the table of stages
+_TABLED = ("generate", "relocate", "clean", "solver_ready")
 
 
 @dataclass(frozen=True)
-class Plan(Jobs):
-    """A whole run: its jobs, its failures, and the files over all cases."""
+class Plan:
+    """What a run is asked for. `Sources`, `Inputs` and `Jobs` say what its jobs read, `States` what became of it."""
+
+    #: configuration of each setting, by its addition to file names; the line's own adds nothing
+    settings: Mapping[str, Config]
+    #: rows of the sheet, excluded ones too
+    sheet: Sequence[Case]
+    #: output of a checkpoint of Snakemake, by its rule and wildcards, for which a run waits; None: as it lies there
+    waited_for: Callable[..., str] | None = None
+    #: names of the cases that a run is asked for; None: all
+    chosen: frozenset[str] | None = None
+
+    @property
+    def config(self) -> Config:
+        """Configuration of the line."""
+        return self.settings[""]
+
+    @property
+    def raw(self) -> Path:
+        """The dataset that is meshed, or the folder of the cohort sheet."""
+        return self.config.cohort.dataset or self.config.cohort.sheet.parent
+
+    @cached_property
+    def layout(self) -> Layout:
+        """Names of all files."""
+        return Layout(self.config.output.as_posix())
+
+    @cached_property
+    def cases(self) -> dict[str, Case]:
+        """The included cases by name."""
+        return {case.name: case for case in self.sheet if case.include}
+
+    @cached_property
+    def resolutions(self) -> list[int]:
+        """Cell sizes of cases that have none of their own, µm."""
+        return [round(1000 * size) for size in self.config.generate.cell_size]
+
+    def resolutions_of(self, case: Case) -> list[int]:
+        """Cell sizes of a case, µm: its own one, or those of the configuration."""
+        return [round(1000 * case.cell_size)] if case.cell_size else self.resolutions
+
+    def meshes(self) -> list[Mesh]:
+        """Meshes of all included cases that are asked for, at each cell size and by each mesher."""
+        return [
+            (case.name, res, mesher)
+            for case in self.cases.values()
+            if self.chosen is None or case.name in self.chosen
+            for res in self.resolutions_of(case)
+            for mesher in self.config.generate.meshers
+        ]
+
+    def job(self, mesh: Mesh) -> dict[str, str]:
+        """Wildcards of the jobs on a mesh of the line."""
+        case, res, mesher = mesh
+        return {"folder": self.cases[case].folder, "case": case, "res": str(res), "mesher": mesher, "setting": ""}
+
+    def file(self, pattern: str, mesh: Mesh) -> str:
+        """The file of a pattern for a mesh of the line."""
+        return pattern.format(**self.job(mesh))
+
+    def each_case(self, pattern: str) -> dict[Mesh, str]:
+        """The file of a pattern for each of `meshes`."""
+        return {mesh: self.file(pattern, mesh) for mesh in self.meshes()}
+
+    def certificates(self) -> dict[Mesh, Path]:
+        """Certificates of all meshes, whether or not they are there."""
+        return {mesh: Path(path) for mesh, path in self.each_case(self.layout.certificate).items()}
+
+    def exports(self, mesh: Mesh) -> list[Path]:
+        """Files of a mesh for solvers that are asked for."""
+        patterns = self.layout.solver_files(self.config.export.formats, self.config.export.ten_nodes)
+        return [Path(self.file(pattern, mesh)) for pattern in patterns]
+
+    def other_exports(self, mesh: Mesh) -> list[Path]:
+        """Files of a mesh for solvers that an earlier run may have been asked for."""
+        patterns = self.layout.solver_files({*FORMATS} - {*self.config.export.formats})
+        return [Path(self.file(pattern, mesh)) for pattern in patterns]
+
+    def final_files(self, mesh: Mesh) -> dict[str, str]:
+        """The last mesh, the files for solvers and their sidecars -> the rule of each; a deleted one is made again."""
+        last = self.file(self.layout.mesh(LABELS["solver_ready"]), mesh)
+        sidecars = [f"{self.file(one, mesh)}.json" for one in self.layout.solver_files(self.config.export.formats)]
+        return {last: "solver_ready", **dict.fromkeys([*map(str, self.exports(mesh)), *sidecars], "export")}
+
+    def solver_files(self) -> list[str]:
+        """Last meshes, files for solvers with their sidecars, and certificates of all meshes."""
+        final = [path for mesh in self.meshes() for path in self.final_files(mesh)]
+        return [*final, *self.each_case(self.layout.certificate).values()]
+
+    def measured_stages(self) -> list[str]:
+        """Labels of the stages that the table of stages shows."""
+        return [LABELS[stage] for stage in _TABLED if self.config.enabled(stage)]
+
+    def quality_records(self) -> list[str]:
+        """Quality records of all meshes."""
+        patterns = [self.layout.mesh(label, "quality.json") for label in self.measured_stages()]
+        return [path for pattern in patterns for path in self.each_case(pattern).values()]
+
+    @property
+    def has_volumes(self) -> bool:
+        """Whether any case has volumes."""
+        return any(case.volumes for case in self.cases.values())
+
+    def mapped(self, hemi: str) -> list[str]:
+        """Cases of a hemisphere that are resampled onto the common mesh."""
+        resamples = self.config.enabled("resample")
+        return [name for name, case in self.cases.items() if case.hemi == hemi and resamples and case.sphere]
+
+    def described(self, mesh: Mesh) -> dict[str, Any]:
+        """Case, age, hemisphere, cell size and mesher of a mesh."""
+        name, res, mesher = mesh
+        case = self.cases[name]
+        of_case = {"case": name, "scan_age": case.scan_age, "hemi": case.hemi}
+        return {**of_case, "cell_size_mm": res / 1000, "mesher": mesher}
 
     def notices(self) -> list[str]:
         """What is not done with the cases of unknown age, in plain words; those to be folded by name need one."""
@@ -43,110 +156,19 @@ class Plan(Jobs):
             told += [f"{path} was changed after cortet wrote it: delete it and cortet remakes it" for path in changed]
         return told
 
-    # --- what failed, and what is over all cases -----------------------------------------------------------------
+    def origin_of_mesh(self, label: str, case: str, res: int, mesher: str, setting: str = "") -> dict[str, Any]:
+        """Origin of a record of a mesh."""
+        name = None if label in SHARED else self.settings[setting].setting
+        return {"case": case, "stage": label, "cell_size_mm": res / 1000, "mesher": mesher, "setting": name}
 
-    def is_measured(self, mesh: Mesh) -> bool:
-        """Whether a mesh has its certificate: it did not fail, or only after the certificate."""
-        return mesh not in self.failures or self.failures[mesh]["stage"] in AFTER_CERTIFICATE
-
-    def measured(self) -> list[Mesh]:
-        """The meshes that have their certificate."""
-        return [*filter(self.is_measured, self.meshes())]
-
-    def unmeasured(self) -> dict[str, str]:
-        """Why cases have no certificate, by their names, without what to do about it."""
-        return {mesh[0]: failure["reason"] for mesh, failure in self.failures.items() if not self.is_measured(mesh)}
-
-    def measured_certificates(self) -> list[str]:
-        """Certificates of all meshes that have one."""
-        return [self.file(self.layout.certificate, mesh) for mesh in self.measured()]
-
-    def stage_records(self) -> list[str]:
-        """Quality records, stage by stage, of the meshes that have a certificate."""
-        patterns = [self.layout.mesh(label, "quality.json") for label in self.measured_stages()]
-        return [self.file(pattern, mesh) for mesh in self.measured() for pattern in patterns]
-
-    def exported_files(self) -> list[str]:
-        """Last meshes, and files for solvers with their sidecars, of the meshes that did not fail."""
-        return [path for mesh in self.meshes() if mesh not in self.failures for path in self.final_files(mesh)]
-
-    def exported(self, job: Job) -> dict[str, Any]:
-        """Names and formats of a mesh's files for solvers, and whether a mesh that is not certified has them."""
-        files = [
-            (Path(filled(self.layout.mesh("Solver", suffix), job)).name, name)
-            for suffix, name in EXPORTED.items()
-            if name in self.config.export.formats
+    def maps(self, hemi: str) -> dict[Mesh, str]:
+        """Maps of the cases of a hemisphere that are resampled, for the first cell size and the first mesher."""
+        first = [
+            (name, self.resolutions_of(self.cases[name])[0], self.config.generate.meshers[0])
+            for name in self.mapped(hemi)
         ]
-        for name in self.config.export.ten_nodes:
-            pattern, _ = self.layout.ten_node_files([name])
-            files.append((Path(filled(pattern, job)).name, f"{name}, ten nodes"))
-        return {"names": files, "uncertified": self.config.export.uncertified}
-
-    @property
-    def has_volumes(self) -> bool:
-        """Whether any case has volumes."""
-        return any(case.volumes for case in self.cases.values())
-
-    def tissue_tables(self) -> dict[Mesh, str]:
-        """Tables of the tissue in the meshes of cases with volumes."""
-        meshes = [mesh for mesh in self.measured() if self.cases[mesh[0]].volumes]
-        made = [mesh for mesh in meshes if self.failures.get(mesh, {}).get("stage") != "volumes"]
-        return {mesh: self.file(self.layout.mesh("Solver", "volumes.tsv"), mesh) for mesh in made}
-
-    def mapped(self, hemi: str) -> list[str]:
-        """Cases of a hemisphere that are resampled onto the common mesh."""
-        resamples = self.config.enabled("resample")
-        return [name for name, case in self.cases.items() if case.hemi == hemi and resamples and case.sphere]
-
-    def maps(self, hemi: str) -> dict[str, str]:
-        """Maps of the finished, chosen cases of a hemisphere, by case, for the first cell size and the first mesher.
-
-        While a run is planned, these are the maps that it makes; afterwards, those that exist.
-        """
-        made, measured = {}, {*self.measured()}
-        for name in self.mapped(hemi):
-            mesh = (name, self.resolutions_of(self.cases[name])[0], self.config.generate.meshers[0])
-            path = self.file(self.layout.mesh("Solver", "maps.surf.gii"), mesh)
-            if mesh in measured and (self.failed is None or Path(path).exists()):
-                made[name] = path
-        return made
-
-    def about(self, job: Job) -> dict[str, Any]:
-        """The facts at the top of the page of a mesh."""
-        case = self.case(job)
-        return {
-            "surface": self.kind_of_surface(job),
-            "scan_age": case.scan_age,
-            "hemi": case.hemi,
-            "cell_size": int(job["res"]) / 1000,
-            "mesher": job["mesher"],
-        }
-
-    def described(self, mesh: Mesh) -> dict[str, Any]:
-        """Case, age, hemisphere, cell size and mesher of a mesh."""
-        name, res, mesher = mesh
-        case = self.cases[name]
-        of_case = {"case": name, "scan_age": case.scan_age, "hemi": case.hemi}
-        return {**of_case, "cell_size_mm": res / 1000, "mesher": mesher}
-
-    def listed_on_page(self) -> list[dict[str, Any]]:
-        """The meshes that the page of all cases lists."""
-        pages = self.each_case(self.layout.case_page)
-        return [self.described(mesh) | {"page": beside(page, self.layout.cohort_page)} for mesh, page in pages.items()]
-
-    def status(self) -> list[dict[str, Any]]:
-        """The columns of the status table that are known of each mesh and each excluded row.
-
-        In addition, the path of the `certificate` of a measured mesh, and `earlier`, the folder of outdated results.
-        """
-        rows = []
-        for mesh, certificate in self.each_case(self.layout.certificate).items():
-            name, res, mesher = mesh
-            row = {"case": name, "cell_size_mm": res / 1000, "mesher": mesher, **self.failures.get(mesh, {})}
-            row |= {"certificate": certificate} if self.is_measured(mesh) else {}
-            rows.append(row)
-        excluded = [case for case in self.sheet if not case.include]
-        return rows + [{"case": case.name, "state": "excluded", "reason": case.exclude_reason} for case in excluded]
+        pattern = self.layout.mesh("Solver", "maps.surf.gii")
+        return {mesh: self.file(pattern, mesh) for mesh in first if mesh in self.meshes()}
 
     def files_of_cases(self) -> list[str]:
         """All files of single cases that a whole run makes, without those of folds."""

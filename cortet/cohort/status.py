@@ -17,7 +17,7 @@ _PARTS = {
     **dict.fromkeys(("reasons", "remarks", "regions"), list),
     **dict.fromkeys(("quality", "parameters", "reports"), dict),
 }
-#: reason of a job that Ctrl-C stopped, which has not failed
+#: reason of a job that Ctrl-C stopped, which has not failed; the logger plugin knows it, too
 STOPPED = "stopped by you"
 #: columns of `cohort_status.tsv`
 COLUMNS = (
@@ -48,18 +48,22 @@ def failure_path(log: Path) -> Path:
     return log.with_suffix(".failure.json")
 
 
-def began(log: Path, rule: str, wildcards: Mapping[str, str]) -> None:
-    """Write `failure.json` of a job that begins: it stays if the job is killed, and a job that succeeds deletes it."""
-    write_json({"stage": rule, "wildcards": dict(wildcards)}, failure_path(log))
+def write_failure(
+    log: Path, rule: str, wildcards: Mapping[str, str], made_from: str | None, error: BaseException | None = None
+) -> None:
+    """Write `failure.json` of a job: of one that begins, which stays if it is killed, or why one failed.
 
-
-def write_failure(log: Path, rule: str, wildcards: Mapping[str, str], error: BaseException) -> None:
-    """Write `failure.json`: the stage, what happened, in which file, and the remedy."""
-    told = error if isinstance(error, CortetError) else CortetError(f"{type(error).__name__}: {error}")
-    reason = told.what if told.file is None else f"{told.file}: {told.what}"
-    write_json(
-        {"stage": rule, "wildcards": dict(wildcards), "reason": reason, "remedy": told.remedy}, failure_path(log)
-    )
+    Parameters
+    ----------
+    made_from : `Jobs.made_from`; None for a job over all cases
+    error : what happened, in which file, and the remedy; None for a job that begins, which deletes the file at its end
+    """
+    record: dict[str, Any] = {"stage": rule, "wildcards": dict(wildcards), "made_from": made_from}
+    if error is not None:
+        told = error if isinstance(error, CortetError) else CortetError(f"{type(error).__name__}: {error}")
+        record["reason"] = told.what if told.file is None else f"{told.file}: {told.what}"
+        record["remedy"] = told.remedy
+    write_json(record, failure_path(log))
 
 
 def failure_reason(log: Path) -> str:
@@ -70,8 +74,6 @@ def failure_reason(log: Path) -> str:
     text = log.read_text(encoding="utf-8", errors="replace") if log.exists() else ""
     if too_long := re.search(r"^Timeout \((.+)\)!$", text, re.MULTILINE):
         return f"took longer than {too_long[1]} (hours:minutes:seconds), the time_limit"
-    if text.endswith("KeyboardInterrupt\n"):
-        return STOPPED
     return "ended without a message: killed, or ran out of memory or time"
 
 
@@ -105,7 +107,7 @@ def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
     Parameters
     ----------
-    meshes : `Plan.status`. A mesh that is not certified is `uncertified`, even if a later step failed, too
+    meshes : `States.status`. A mesh that is not certified is `uncertified`, even if a later step failed, too
     """
     return [_row(mesh) for mesh in meshes]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from math import isfinite
 from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
@@ -90,13 +89,6 @@ class Section(BaseModel):
     def values(self) -> dict[str, Any]:
         """Plain values of its keys, without those that choose what is run."""
         return self.model_dump(mode="json", exclude=set(self.choices))
-
-    @classmethod
-    def split(cls, arguments: Mapping[str, Any]) -> tuple[Self, dict[str, Any]]:
-        """The section that holds plain arguments of a stage, and the other arguments: it has no keys for them."""
-        keys = cls.model_fields.keys() - cls.choices
-        facts = {name: value for name, value in arguments.items() if name not in keys}
-        return cls(**{key: arguments[key] for key in keys & arguments.keys()}), facts
 
     def runs(self, *, aged: bool) -> bool:  # noqa: ARG002, one stage asks for it
         """Whether the line has the stage of this section; `aged`: the gestational age of the case is known."""

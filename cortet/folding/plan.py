@@ -8,11 +8,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cortet.cohort.failures import why_missing
-from cortet.cohort.jobs import Job
-from cortet.cohort.layout import beside, file_of, filled
+from cortet.cohort.layout import Wildcards, beside, file_of, filled
 from cortet.cohort.plan import Plan
 from cortet.cohort.selection import folded
+from cortet.cohort.states import States
 from cortet.errors import InputError
 from cortet.folding.measures import surface_files, weeks_of
 from cortet.meshes import OUTERMOST, region_names
@@ -94,18 +93,18 @@ class Folds:
         start, surfaces = self.plan.cases[case].scan_age, changed.get("surfaces", fold.surfaces)
         return [] if start is None else weeks_of(surfaces, start, changed.get("end", fold.end))
 
-    def arguments(self, job: Job) -> dict[str, Any]:
+    def arguments(self, job: Wildcards) -> dict[str, Any]:
         """What a fold needs besides its mesh (`config.fold.Settings`)."""
-        case, fold = self.plan.case(job), self.plan.config.fold
+        case, fold = self.plan.cases[job["case"]], self.plan.config.fold
         changed = fold.variants.get(job.get("variant", "").lower(), {})
         return {**fold.values(), "gestational_age": case.scan_age, "hemisphere": case.hemi, **changed}
 
-    def real_surfaces(self, job: Job) -> dict[str, str]:
+    def real_surfaces(self, job: Wildcards) -> dict[str, str]:
         """The real brains that the pictures of a fold show, by their ages."""
-        found = self.plan.config.fold.real_surfaces_of(self.plan.case(job).hemi)
+        found = self.plan.config.fold.real_surfaces_of(self.plan.cases[job["case"]].hemi)
         return {f"{age:g}": str(path) for age, path in found.items()}
 
-    def pictured(self, job: Job) -> dict[str, list[str]]:
+    def pictured(self, job: Wildcards) -> dict[str, list[str]]:
         """The folded surfaces and maps that the picture of a fold shows, by week, if `fold.picture` names a map."""
         measure = self.plan.config.fold.picture
         weeks = self.weeks(job["case"], job.get("variant", "").lower()) if measure else []
@@ -120,8 +119,9 @@ def _beside(verdict: str, patterns: Mapping[str, str], case: str) -> dict[str, s
     return {name: str(Path(verdict).with_name(Path(one).name.format(case=case))) for name, one in patterns.items()}
 
 
-def folds_on_page(plan: Plan) -> list[PagePart]:
+def folds_on_page(states: States) -> list[PagePart]:
     """The curves of all folds and their table, if any case is folded."""
+    plan = states.plan
     folds = Folds(plan)
     if not folds.folded:
         return []
@@ -131,7 +131,7 @@ def folds_on_page(plan: Plan) -> list[PagePart]:
     def write() -> None:
         from cortet.folding.cohort_folding import write_cohort_folding
 
-        whys = {path: why_missing(plan, path, "fold", folds.job(run)) for path, run in runs.items()}
+        whys = {path: states.why_missing(path, "fold", folds.job(run)) for path, run in runs.items()}
         there = [{**run, "folder": str(Path(path).parent)} for path, run in runs.items() if not whys[path]]
         failed = [{**run, "reason": whys[path]} for path, run in runs.items() if whys[path]]
         write_cohort_folding(there, failed, files)

@@ -9,11 +9,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from cortet.cohort.failures import why_missing
 from cortet.cohort.layout import LABELS, SHARED, file_of
 from cortet.cohort.plan import Plan
 from cortet.cohort.selection import chosen
 from cortet.cohort.sheet import Case
+from cortet.cohort.states import States
 from cortet.config.section import Cases
 from cortet.meshers import BASELINES
 from cortet.report.records import Origin
@@ -26,6 +26,8 @@ ABLATED = {
     STAGES["clean"].label: ("S1-S4", "+ cleaning (S4)"),
     STAGES["reconnect"].label: ("S1-S4+", "+ reconnection (S4+)"),
 }
+#: label of the last stage
+_LAST = LABELS["solver_ready"]
 #: label of a stage -> its rule
 _RULES = {label: stage for stage, label in LABELS.items()}
 #: case, cell size in µm and mesher
@@ -38,7 +40,12 @@ Records = dict[str, Origin]
 class Experiments:
     """The experiments on the cases of a plan."""
 
-    plan: Plan
+    states: States
+
+    @property
+    def plan(self) -> Plan:
+        """What the run is asked for."""
+        return self.states.plan
 
     @cached_property
     def compared_meshers(self) -> list[str]:
@@ -129,7 +136,7 @@ class Experiments:
         """Certificates of the meshes of the line among those of records; other settings and cell sizes have none."""
         plan = self.plan
         meshes = plan.each_case(plan.layout.certificate).items()
-        line = {path: Origin(**plan.origin_of_mesh("Solver", *mesh)) for mesh, path in meshes}
+        line = {path: Origin(**plan.origin_of_mesh(_LAST, *mesh)) for mesh, path in meshes}
         return {path: origin for path, origin in line.items() if origin in records.values()}
 
     def pooled_records(self, res: int) -> Records:
@@ -147,7 +154,7 @@ class Experiments:
         brains: dict[tuple[str, str | None], dict[str, Any]] = {}
         for case in plan.cases.values():
             key = (case.participant, case.session)
-            patterns = (plan.layout.mesh("Solver"), plan.layout.certificate)
+            patterns = (plan.layout.mesh(_LAST), plan.layout.certificate)
             mesh, certificate = (file_of(one, case, plan.resolutions[0], self.mesher_of[""]) for one in patterns)
             place = (case, plan.resolutions[0], self.mesher_of[""])
             if key in wanted and not self._why(mesh, "solver_ready", place):
@@ -179,7 +186,7 @@ class Experiments:
     def _why(self, path: str, rule: str, mesh: OfCase, setting: str = "") -> str | None:
         case, res, mesher = mesh
         job = {"folder": case.folder, "case": case.name, "res": res, "mesher": mesher, "setting": setting}
-        return why_missing(self.plan, path, rule, job)
+        return self.states.why_missing(path, rule, job)
 
     def _cases(self, which: Cases) -> list[Case]:
         """Cases of an experiment, without those with inner surfaces, which the meshers compared do not know."""
@@ -190,7 +197,7 @@ class Experiments:
             path: origin
             for case, res in meshes
             for name, mesher in self.mesher_of.items()
-            for path, origin in self._record("Solver", (case, res, mesher), name).items()
+            for path, origin in self._record(_LAST, (case, res, mesher), name).items()
         }
 
     def _record(self, label: str, mesh: OfCase, setting: str = "") -> Records:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import Any
 
-from cortet.cohort.plan import Plan
+from cortet.cohort.states import States
 from cortet.paper.experiments import Experiments
 from cortet.report.records import by_origin
 from cortet.report.results import Results, files_of
@@ -16,14 +16,14 @@ _FORMS = (".tsv", ".json", ".tex")
 _PICTURES = (".svg", ".pdf", ".png")
 
 
-def results(plan: Plan) -> dict[str, Results]:
+def results(states: States) -> dict[str, Results]:
     """The tables and the figures."""
-    return {"tables": tables(plan), "figures": figures(plan)}
+    return {"tables": tables(states), "figures": figures(states)}
 
 
-def tables(plan: Plan) -> Results:
+def tables(states: States) -> Results:
     """Ablation, cell size, and other measures."""
-    of = Experiments(plan)
+    plan, of = states.plan, Experiments(states)
     files = {name: files_of(plan, name, *_FORMS) for name in _TABLES}
     references = [plan.layout.cohort(f"reference-{name}_quality.json") for name in of.references()]
 
@@ -57,9 +57,10 @@ def tables(plan: Plan) -> Results:
     return Results(every, inputs, lambda: [asdict(case) for case in plan.sheet], write)
 
 
-def figures(plan: Plan) -> Results:
+def figures(states: States) -> Results:
     """Pooled quality at each cell size, and the developmental series."""
-    of, size = Experiments(plan), plan.resolutions[0] / 1000
+    plan, of = states.plan, Experiments(states)
+    size = plan.resolutions[0] / 1000
     pooled = {res: files_of(plan, f"figure-pooled-quality_res-{res}um", *_PICTURES) for res in of.ablation_cases}
     series = files_of(plan, "figure-series", *_PICTURES)
 

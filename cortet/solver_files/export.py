@@ -78,7 +78,7 @@ def export_made(
     temporary : folder that holds the surfaces that were meshed, and gets the files; all of them move to that of `path`
     """
     named, sources = with_sets(mesh, surface, origin, sets=sets, labels=labels)
-    made_from = origin.made_from(path.parent, temporary)
+    made_from = origin.made_from(path.parent, temporary) | {"mesh_sha256": certificate["mesh_sha256"]}
     if sets.get("layers") and cortex_and_white(mesh, surface.inner) is not None:
         made_from["layers"] = sets["layers"]
     return export(

@@ -52,6 +52,10 @@ def meshed_files(regions: Iterable[str], mesh: Path) -> dict[str, Path]:
     return {region: mesh.with_name(f"{mesh.stem}.meshed{of}.surf.gii") for region, of in named.items()}
 
 
+#: in names of the workflow: the mesh of the last stage; its certificate and its files for solvers
+OF_LAST_STAGE, OF_SOLVERS = "Ordered", "Solver"
+
+
 def certificate_path(mesh: Path) -> Path:
     """The certificate beside a mesh; its name begins with the stem of the mesh's file."""
     return mesh.with_name(f"{mesh.stem}.certificate.json")
@@ -99,7 +103,8 @@ def parameters_of(mesh: Path) -> dict[str, Any]:
 
 def certificate_file(mesh: Path) -> Path:
     """The certificate beside a mesh, of a command or of the workflow, whether it exists or not."""
-    of_workflow = mesh.with_name(f"{mesh.stem.removesuffix('_tetmesh').removesuffix('_sets')}_certificate.json")
+    stem = mesh.stem.removesuffix("_tetmesh").removesuffix("_sets")
+    of_workflow = mesh.with_name(f"{stem.replace(OF_LAST_STAGE, OF_SOLVERS)}_certificate.json")
     return of_workflow if of_workflow.exists() else certificate_path(mesh)
 
 

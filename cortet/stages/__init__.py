@@ -1,70 +1,135 @@
-"""The line of stages: what each is called, what it takes and gives, and in which order they run.
+"""The line of stages: what each is called, what it depends on, and in which order they run.
 
-The function of a stage is `cortet.stages.<name>.<name>`, and its parameters are a section of the configuration. Every
-job of the workflow loads this list, so it imports no stage: a module loads when its stage runs.
+A stage calls a pure function on arrays, `cortet.stages.<name>.<name>`. Every job of the workflow loads this list, so a
+stage loads its module when it runs.
 """
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping
-from dataclasses import dataclass
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import replace
 
-from cortet.config import stages as sections
-from cortet.config.section import Section
+from cortet.config.model import Config
 from cortet.errors import InputError
 from cortet.meshers import MESHERS
 from cortet.meshers.cgal import installed_backend
-from cortet.meshes import TetMesh, TriSurface
+from cortet.stages.stage import About, Result, Stage, State, Values
 from cortet.version import version_of
 
-if TYPE_CHECKING:
-    from cortet.config import Config
+
+def _resample(state: State, config: Config, about: About) -> Result:
+    from cortet.stages.resample import resample
+
+    assert state.sphere is not None  # `registered`
+    template = config.resample.template_of(about.hemi)
+    return state.with_surface(
+        *resample(
+            state.surface,
+            state.sphere,
+            config.resample.with_keys(template=template),
+            sphere_file=about.sphere_file,
+            inside=about.inside,
+        )
+    )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Stage:
-    """One stage: `cortet.stages.<name>.<name>(*takes, settings, **facts)` returns what it gives and a report."""
+def _repair(state: State, config: Config, about: About) -> Result:
+    from cortet.stages.repair import repair
 
-    #: name of its module, its function and its rule
-    name: str
-    #: what it does, as worded on pages
-    does: str
-    #: its result in file names: `desc-<label>` of a surface, `desc-<mesher><setting><label>` of a mesh
-    label: str
-    #: what its function takes before its settings
-    takes: tuple[Literal["surface", "sphere", "mesh"], ...]
-    gives: Literal["surface", "mesh"]
-    #: its parameters, the class of a section of the configuration
-    settings: type[Section]
-    #: name of that section, if it is not its own; the stage then runs even if the section is off
-    section: str = ""
-    #: keyword arguments of its function that differ from mesh to mesh and are in no section
-    facts: tuple[str, ...] = ()
-    #: number in the paper's line, where it has one
-    number: str = ""
-    #: whether it has something to do only where there are inner surfaces
-    nested: bool = False
-    #: whether it takes every surface by itself, inner ones too
-    alone: bool = False
-    #: whether its function takes `inside=True` for an inner surface
-    takes_inside: bool = False
-    #: whether the result is the same in every setting of the configuration, so that all of them share it
-    shared_by_settings: bool = False
+    allowed = config.gate.allow_genus
+    return state.with_surface(*repair(state.surface, config.repair, source=about.source, allow_genus=allowed))
 
-    def section_of(self, config: Config) -> Section:
-        """Its section of a configuration."""
-        section: Section = getattr(config, self.section or self.name)
-        return section
 
-    def run(self, *given: TriSurface | TetMesh, **arguments: Any) -> tuple[Any, Any]:
-        """Call its function with plain arguments, as `arguments_of` gives them."""
-        function = getattr(import_module(f"cortet.stages.{self.name}"), self.name)
-        settings, facts = self.settings.split(arguments)
-        result: tuple[Any, Any] = function(*given, settings, **facts)
-        return result
+def _gate(state: State, config: Config, about: About) -> Result:
+    from cortet.stages.gate import gate
+
+    return state.with_surface(
+        *gate(
+            state.surface,
+            config.gate,
+            source=about.source,
+            inside=about.inside,
+            gestational_age=about.gestational_age,
+            hemi=about.hemi,
+            to_mm=about.to_mm,
+        )
+    )
+
+
+def _smooth_surface(state: State, config: Config, about: About) -> Result:
+    from cortet.stages.smooth_surface import smooth_surface
+
+    return state.with_surface(
+        *smooth_surface(state.surface, config.smooth_surface, gestational_age=about.gestational_age)
+    )
+
+
+def _separate(state: State, config: Config, about: About) -> Result:
+    from cortet.stages.separate import separate
+
+    assert about.cell_size is not None
+    try:
+        made, report = separate(state.surface, config.regions, cell_size=about.cell_size)
+    except InputError as error:
+        compared = " and ".join([about.source, *about.inner.values()]) if about.source else None
+        raise InputError(error.what, file=error.file or compared, remedy=error.remedy) from error
+    return replace(state, surface=made), report
+
+
+def _generate(state: State, config: Config, about: About) -> Result:
+    from cortet.stages.generate import generate
+
+    return state.with_mesh(
+        *generate(
+            state.surface,
+            config.generate,
+            cell_size=about.cell_size,
+            mesher=about.mesher,
+            elements_across=config.regions.elements_across,
+        )
+    )
+
+
+def _transfer(state: State, config: Config, _: About) -> Result:
+    from cortet.stages.transfer import transfer
+
+    return state.with_mesh(*transfer(state.mesh, state.surface, config.transfer))
+
+
+def _relocate(state: State, config: Config, _: About) -> Result:
+    from cortet.stages.relocate import relocate
+
+    return state.with_mesh(*relocate(state.mesh, config.relocate))
+
+
+def _clean(state: State, config: Config, about: About) -> Result:
+    from cortet.stages.clean import clean
+
+    return state.with_mesh(*clean(state.mesh, state.surface, config.clean, cell_size=about.cell_size))
+
+
+def _reconnect(state: State, config: Config, about: About) -> Result:
+    from cortet.stages.reconnect import reconnect
+
+    return state.with_mesh(*reconnect(state.mesh, state.surface, config.reconnect, cell_size=about.cell_size))
+
+
+def _smooth_boundary(state: State, config: Config, _: About) -> Result:
+    from cortet.stages.smooth_boundary import smooth_boundary
+
+    return state.with_mesh(*smooth_boundary(state.mesh, state.surface, config.smooth_boundary))
+
+
+def _snap(state: State, config: Config, _: About) -> Result:
+    from cortet.stages.snap import snap
+
+    return state.with_mesh(*snap(state.mesh, state.surface, config.snap))
+
+
+def _solver_ready(state: State, config: Config, _: About) -> Result:
+    from cortet.stages.solver_ready import solver_ready
+
+    return state.with_mesh(*solver_ready(state.mesh, state.surface, config.transfer))
 
 
 #: in the order in which they run
@@ -73,73 +138,71 @@ LINE = (
         name="resample",
         does="puts the surface onto the common mesh",
         label="resampled",
-        takes=("surface", "sphere"),
+        function=_resample,
         gives="surface",
-        settings=sections.Resample,
-        facts=("sphere_file",),
-        alone=True,
-        takes_inside=True,
+        settings=("resample",),
+        about=("hemi",),
+        registered=True,
+        each_surface=True,
     ),
     Stage(
         name="repair",
         does="repairs what is broken",
         label="repaired",
-        takes=("surface",),
+        function=_repair,
         gives="surface",
-        settings=sections.Repair,
-        facts=("source",),
-        alone=True,
+        settings=("repair", "gate.allow_genus"),
+        each_surface=True,
     ),
     Stage(
         name="gate",
         does="checks that the surface can be meshed",
         label="gated",
-        takes=("surface",),
+        function=_gate,
         gives="surface",
-        settings=sections.Gate,
-        facts=("source", "gestational_age", "hemi"),
-        alone=True,
-        takes_inside=True,
+        settings=("gate",),
+        about=("gestational_age", "hemi", "to_mm"),
+        each_surface=True,
     ),
     Stage(
         name="smooth_surface",
         does="smooths the surface according to its roughness",
         label="smoothed",
-        takes=("surface",),
+        function=_smooth_surface,
         gives="surface",
-        settings=sections.SmoothSurface,
-        facts=("gestational_age",),
-        alone=True,
+        settings=("smooth_surface",),
+        about=("gestational_age",),
+        each_surface=True,
     ),
     Stage(
         name="separate",
         does="moves inner surfaces away from the one around them",
         label="separated",
-        takes=("surface",),
+        function=_separate,
         gives="surface",
-        settings=sections.Regions,
-        section="regions",
-        facts=("cell_size",),
+        settings=("regions",),
+        about=("cell_size",),
         nested=True,
     ),
     Stage(
         name="generate",
         does="fills the surface with tetrahedra",
         label="Generated",
-        takes=("surface",),
+        function=_generate,
         gives="mesh",
-        settings=sections.Generate,
+        settings=("generate",),
+        settings_of_nested=("regions.elements_across",),
+        about=("cell_size", "mesher"),
         number="S1",
-        facts=("cell_size", "mesher"),
         shared_by_settings=True,
     ),
     Stage(
         name="transfer",
         does="carries fields to the mesh",
         label="Transferred",
-        takes=("mesh", "surface"),
+        function=_transfer,
         gives="mesh",
-        settings=sections.Transfer,
+        settings=("transfer",),
         number="S2",
         shared_by_settings=True,
     ),
@@ -147,57 +210,56 @@ LINE = (
         name="relocate",
         does="moves interior nodes",
         label="Relocated",
-        takes=("mesh",),
+        function=_relocate,
         gives="mesh",
-        settings=sections.Relocate,
+        settings=("relocate",),
         number="S3",
     ),
     Stage(
         name="clean",
         does="moves vertices until the worst elements are good",
         label="Cleaned",
-        takes=("mesh", "surface"),
+        function=_clean,
         gives="mesh",
-        settings=sections.Clean,
+        settings=("clean",),
+        about=("cell_size",),
         number="S4",
-        facts=("cell_size",),
     ),
     Stage(
         name="reconnect",
         does="reconnects elements that moving cannot improve",
         label="Reconnected",
-        takes=("mesh", "surface"),
+        function=_reconnect,
         gives="mesh",
-        settings=sections.Reconnect,
+        settings=("reconnect",),
+        about=("cell_size",),
         number="S4+",
-        facts=("cell_size",),
     ),
     Stage(
         name="smooth_boundary",
         does="smooths the boundary",
         label="BoundarySmoothed",
-        takes=("mesh", "surface"),
+        function=_smooth_boundary,
         gives="mesh",
-        settings=sections.SmoothBoundary,
+        settings=("smooth_boundary",),
     ),
     Stage(
         name="snap",
         does="puts the boundary onto the surface",
         label="Snapped",
-        takes=("mesh", "surface"),
+        function=_snap,
         gives="mesh",
-        settings=sections.Snap,
+        settings=("snap",),
         number="S6",
     ),
     Stage(
         name="solver_ready",
         does="orders nodes and elements",
-        label="Solver",
-        takes=("mesh", "surface"),
+        label="Ordered",
+        function=_solver_ready,
         gives="mesh",
-        settings=sections.Transfer,
+        settings=("transfer",),  # it carries the fields onto the final positions, as S2 onto the first ones
         number="S5",
-        section="transfer",  # it carries the fields onto the final positions, as S2 onto the first ones
     ),
 )
 STAGES = {stage.name: stage for stage in LINE}
@@ -216,49 +278,20 @@ def stages_of(config: Config, *, nested: bool = False, registered: bool = False,
     return [
         stage
         for stage in LINE
-        if (stage.section or stage.section_of(config).runs(aged=aged))
-        and (nested or not stage.nested)
-        and (registered or "sphere" not in stage.takes)
+        if stage.is_on(config, aged=aged) and (nested or not stage.nested) and (registered or not stage.registered)
     ]
 
 
-def arguments_of(config: Config, stage: str, facts: Mapping[str, Any]) -> dict[str, Any]:
-    """Plain, JSON-able arguments of a stage.
-
-    Parameters
-    ----------
-    stage : a key of `STAGES`
-    facts : what is known of the surface or mesh: the facts that the stage declares, and for some `hemisphere`, `nested`
-    """
-    one = STAGES[stage]
-    own = {name: facts[name] for name in one.facts}
-    found = {**one.section_of(config).values(), **_decided_elsewhere(config, stage, facts), **own}
-    ignored = MESHERS[facts["mesher"]].ignores if stage == "generate" else ()
-    return {key: value for key, value in found.items() if key not in ignored}
+def settled(config: Config) -> Config:
+    """The configuration with what this machine decides: the package that runs CGAL, one for all meshes of a cohort."""
+    if config.generate.backend != "auto":
+        return config
+    generate = config.generate.model_copy(update={"backend": installed_backend()})
+    return config.model_copy(update={"generate": generate})
 
 
-def _decided_elsewhere(config: Config, stage: str, facts: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments of a stage that another section, the case or this machine decides."""
-    if stage == "resample":
-        return {"template": config.resample.template_of(facts["hemisphere"])}
-    if stage == "repair":
-        return {"allow_genus": config.gate.allow_genus}
-    if stage == "gate" and facts.get("placement"):
-        return {"to_mm": facts["placement"]}
-    if stage == "generate":
-        # one package for all meshes of a cohort; cells across the cortex only where there is an inner surface
-        backend = {"backend": installed_backend()} if config.generate.backend == "auto" else {}
-        return backend | ({"elements_across": config.regions.elements_across} if facts.get("nested") else {})
-    return {}
-
-
-def record_of(config: Config, stage: str, facts: Mapping[str, Any]) -> dict[str, Any]:
-    """The arguments of a stage and the version of its code, as certificates record them."""
-    return {**arguments_of(config, stage, facts), "version": version_of(f"stages.{stage}")}
-
-
-def certify_record(config: Config, cell_size: float) -> dict[str, Any]:
-    """The limits of the certificate of a mesh and the version of its code, likewise."""
+def certify_record(config: Config, cell_size: float) -> Values:
+    """The limits of the certificate of a mesh and the version of its code, as certificates record them."""
     layers = {} if config.export.layers is None else {"layers": config.export.layers}
     return {**config.certify.values(), "cell_size": cell_size, **layers, "version": version_of("measure.certify")}
 

@@ -32,6 +32,8 @@ logger = logging.getLogger(__name__)
 class ResampleReport:
     """The resampled surface compared with the native one. Relative changes are (resampled - native) / native."""
 
+    #: file of the sphere
+    sphere: str | None
     #: false: an inner surface whose triangles are not those of the sphere, and which stays as it is
     resampled: bool
     vertices_before: int
@@ -82,7 +84,7 @@ def resample(
         is not a sphere
     """
     if inside and not spheres.same_triangles(sphere, surface):
-        return surface, _report(surface, surface, resampled=False)
+        return surface, _report(surface, surface, sphere_file, resampled=False)
     _check(surface, sphere, sphere_file)
     common = common_sphere(settings)
     old, new = spheres.of_one_radius(sphere), spheres.of_one_radius(common)
@@ -94,7 +96,7 @@ def resample(
         gathered = spheres.area_corrected(old, new, *areas)
         fields = {name: applied(gathered, values) for name, values in surface.point_data.items()}
         made = replace(made, point_data=fields)
-    report = _report(surface, made, resampled=True)
+    report = _report(surface, made, sphere_file, resampled=True)
     logger.info(
         "%d vertices instead of %d; %.3f mm from the native surface on average, %.3f mm at most",
         report.vertices,
@@ -138,11 +140,12 @@ def _check(surface: TriSurface, sphere: TriSurface, file: Any) -> None:
         )
 
 
-def _report(native: TriSurface, made: TriSurface, *, resampled: bool) -> ResampleReport:
+def _report(native: TriSurface, made: TriSurface, file: Any, *, resampled: bool) -> ResampleReport:
     area_before, area = (float(face_areas(one.points, one.faces).sum()) for one in (native, made))
     volume_before, volume = (abs(enclosed_volume(one.points, one.faces)) / 1000 for one in (native, made))
     none = Distances(0.0, 0.0, 0.0)
     return ResampleReport(
+        sphere=None if file is None else str(file),
         resampled=resampled,
         vertices_before=len(native.points),
         vertices=len(made.points),

@@ -67,7 +67,7 @@ def test_certify_takes_the_cell_size_that_a_mesh_was_made_with(tmp_path):
     assert limits(cortet.certify(tmp_path / "x.vtu", made.surface)) == scaled
     (tmp_path / "x.certificate.json").write_text(json.dumps(asdict(cortet.certify(tmp_path / "x.vtu"))))
     assert limits(cortet.certify(tmp_path / "x.vtu", made.surface)) == scaled, "checked again, it keeps its limits"
-    of_workflow = (tmp_path / "x.vtu").rename(tmp_path / "sub-a_desc-latticeSolver_tetmesh.vtu")
+    of_workflow = (tmp_path / "x.vtu").rename(tmp_path / "sub-a_desc-latticeOrdered_tetmesh.vtu")
     (tmp_path / "x.certificate.json").rename(tmp_path / "sub-a_desc-latticeSolver_certificate.json")
     assert limits(cortet.certify(of_workflow, made.surface)) == scaled
     assert set(limits(cortet.certify(made.mesh, made.surface)).values()) == {None}

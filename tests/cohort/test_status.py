@@ -40,7 +40,6 @@ STACK = 'Current thread 0x00007f (most recent call first):\n  File "/x/a.py", li
     ("text", "reason"),
     [
         (f"Timeout (0:00:01)!\n{STACK}", "took longer than 0:00:01 (hours:minutes:seconds), the time_limit"),
-        ("Traceback ...\nKeyboardInterrupt\n", "stopped by you"),
         ("", "ended without a message: killed, or ran out of memory or time"),
         (None, "ended without a message: killed, or ran out of memory or time"),
     ],

@@ -26,6 +26,7 @@ from cortet.stages.clean import clean
 from cortet.stages.generate import generate
 from cortet.stages.reconnect import reconnect
 from cortet.stages.separate import separate
+from cortet.stages.stage import About, State
 from cortet.stages.transfer import transfer
 
 H = 2.0
@@ -47,7 +48,7 @@ def pair() -> TriSurface:
 
 @pytest.fixture(scope="module")
 def meshed(pair: TriSurface) -> Meshed:
-    return mesh_surface(pair, load({"generate": {"cell_size": H}}))
+    return mesh_surface(State(pair), load({"generate": {"cell_size": H}}))
 
 
 def test_order_and_parents_follow_from_what_contains_what():
@@ -86,7 +87,7 @@ def test_more_elements_across_make_the_cortex_finer():
     found = {}
     for across in (1, 3):
         config = load({"generate": {"cell_size": 1.6}, "regions": {"elements_across": across}})
-        certificate = mesh_surface(nested(ball(11.0), {"white": ball(9.0)}), config).certificate
+        certificate = mesh_surface(State(nested(ball(11.0), {"white": ball(9.0)})), config).certificate
         assert certificate.certified, certificate.reasons
         found[across] = certificate.regions[0].edges_across
     assert found[1].p5 < 2 <= found[3].p5 and found[3].median >= 3
@@ -94,7 +95,7 @@ def test_more_elements_across_make_the_cortex_finer():
 
 def test_nested_and_disjoint_regions_are_one_body_each():
     inner = {"white": ball(10.0), "ventricle": ball(4.0, (3, 0, 0)), "deep": ball(3.0, (-5, 0, 0))}
-    result = mesh_surface(nested(ball(13.0), inner), load({"generate": {"cell_size": 1.0}}))
+    result = mesh_surface(State(nested(ball(13.0), inner)), load({"generate": {"cell_size": 1.0}}))
     assert result.certificate.certified, result.certificate.reasons
     volumes = {region.name: 1000 * region.volume_ml for region in result.certificate.regions}
     white = volume(ball(10.0)) - volume(ball(4.0)) - volume(ball(3.0))
@@ -139,13 +140,13 @@ def test_surfaces_that_do_not_belong_together_are_refused(case):
     outer, inner = make()
     config = load({"generate": {"cell_size": 1.0}, "repair": {"enabled": False}})
     with pytest.raises(InputError, match=word):
-        mesh_surface(nested(outer, {"white": inner}), config, inner_sources={"white": "white.gii"})
+        mesh_surface(State(nested(outer, {"white": inner})), config, About(inner={"white": "white.gii"}))
 
 
 @pytest.mark.parametrize("data", [{"relocate": {"enabled": True}}, {"generate": {"meshers": ["cgal"]}}])
 def test_stages_that_know_no_interface_are_refused_beforehand(pair, data):
     with pytest.raises(InputError, match="inner surfaces"):
-        mesh_surface(pair, load(data))
+        mesh_surface(State(pair), load(data))
 
 
 def test_the_certificate_sees_a_vertex_off_the_interface_and_a_tetrahedron_on_the_wrong_side(meshed):

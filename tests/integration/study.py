@@ -118,7 +118,8 @@ class Study:
 
     def results(self, participant: str) -> set[str]:
         """Ends of the names of the present results of a case: its last mesh, certificate, exports and page."""
-        return {path.name.rpartition("Solver_")[2] for path in self.files(f"sub-{participant}/**/*Solver_*")}
+        ends = (re.search(r"(?:Solver|Ordered)_(.*)", path.name) for path in self.files(f"sub-{participant}/**/*"))
+        return {end[1] for end in ends if end}
 
     def outdated(self, participant: str) -> Path:
         """The certificate of a case that moved aside."""

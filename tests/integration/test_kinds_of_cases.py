@@ -40,9 +40,9 @@ def test_cases_with_and_without_inner_surfaces(study):
     certificate = json.loads(study.files("sub-b*Solver_certificate.json")[0].read_text())
     assert [region["name"] for region in certificate["regions"]] == ["cortex", "white"]
     assert certificate["reports"]["separate"]["surfaces"][0]["vertices_moved"] == 0
-    mesh = vtu.read(study.files("sub-b*Solver_tetmesh.vtu")[0])
+    mesh = vtu.read(study.files("sub-b*Ordered_tetmesh.vtu")[0])
     assert np.unique(mesh.cell_data[REGION]).tolist() == [1, 2]
-    assert REGION not in vtu.read(study.files("sub-a*Solver_tetmesh.vtu")[0]).cell_data
+    assert REGION not in vtu.read(study.files("sub-a*Ordered_tetmesh.vtu")[0]).cell_data
     assert "NAME=white_interface" in study.files("sub-b*Solver_tetmesh.inp")[0].read_text()
 
     outer = study.files("sub-b_hemi-L_desc-gated_white.surf.gii")[0]
@@ -77,7 +77,7 @@ def test_the_labels_of_a_volume_are_sets_another_volume_reruns_no_mesh_and_a_bad
     assert {rule for rule, case in ran if case == "sub-a"} == {"export", "case_page"}
 
     made = read_mesh(study.files("sub-b*Solver_tetmesh.inp")[0])
-    label = vtu.read(study.files("sub-b*Solver_volumes.vtu")[0]).cell_data["tissue"]
+    label = vtu.read(study.files("sub-b*Ordered_volumes.vtu")[0]).cell_data["tissue"]
     np.testing.assert_array_equal(made.sets.cells["tissue_front"], np.flatnonzero(label == 2))
     shown = ["In the volume" in study.files(f"sub-{name}*Solver_report.html")[0].read_text() for name in "ab"]
     assert shown == [False, True] and study.files("sub-b*Solver_slices.png")
@@ -196,7 +196,7 @@ def test_without_intermediates_only_what_changed_runs_again(study):
     assert study.planned_jobs() == set()
     deleted = study.run("--delete-temp-output")
     assert deleted.returncode == 0, deleted.stdout + deleted.stderr
-    assert len(study.files("*_tetmesh.vtu")) == len(study.files("*Solver_tetmesh.vtu")) == 2
+    assert len(study.files("*_tetmesh.vtu")) == len(study.files("*Ordered_tetmesh.vtu")) == 2
     assert study.planned_jobs() == set()
 
     study.config["clean"] = {"thresholds": [0.65]}

@@ -9,15 +9,17 @@ import shutil
 import signal
 import subprocess
 import sys
+from contextlib import chdir
 from pathlib import Path
 
 import pytest
 
+from cortet.cohort.jobs import Jobs
 from cortet.cohort.lock import NAME
 from cortet.cohort.status import write_failure
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.hashing import sha256
-from cortet.over_all import report
+from cortet.over_all import plan_of_run, report
 from tests.integration.study import ROOT, STATUS, Study, scaled, surface, twice
 from tests.integration.test_faults import sabotaged, wait_for
 
@@ -60,8 +62,10 @@ def test_a_report_leaves_out_certificates_that_it_cannot_believe(study, fault):
     content["checks"][0]["passed"] = fault != "edited"  # its verdict does not follow from it
     file.write_text("{}" if fault == "damaged" else json.dumps(content))
     (page,) = (study.logs / "case_page").rglob("sub-b*.log")
-    wildcards = {"case": "sub-b_hemi-L", "res": "4000", "mesher": "lattice"}
-    write_failure(page, "case_page", wildcards, KeyError("checks"))  # as the job that reads it leaves one
+    wildcards = {"folder": "sub-b", "case": "sub-b_hemi-L", "res": "4000", "mesher": "lattice", "setting": ""}
+    with chdir(study.folder):
+        made_from = Jobs(plan_of_run(study.outputs)[0]).made_from("case_page", wildcards)
+    write_failure(page, "case_page", wildcards, made_from, KeyError("checks"))  # as the job that reads it leaves one
     report(study.outputs)
     assert study.status()["sub-b_hemi-L"]["state"] == "unfinished" and "sub-b" not in table.read_text()
 
@@ -69,14 +73,14 @@ def test_a_report_leaves_out_certificates_that_it_cannot_believe(study, fault):
 @pytest.mark.parametrize(
     ("deleted", "rule"),
     [
-        ("certificate.json", "solver_ready"),
-        ("tetmesh.vtu", "solver_ready"),
-        ("sets.vtu", "export"),
-        ("sets.vtu.json", "export"),
+        ("Solver_certificate.json", "solver_ready"),
+        ("Ordered_tetmesh.vtu", "solver_ready"),
+        ("Solver_sets.vtu", "export"),
+        ("Solver_sets.vtu.json", "export"),
     ],
 )
 def test_a_result_that_was_deleted_is_made_again_even_for_the_tables_alone(study, deleted, rule):
-    (file,) = study.files(f"sub-a*Solver_{deleted}")
+    (file,) = study.files(f"sub-a*{deleted}")
     file.unlink()
     report(study.outputs)
     assert study.status()["sub-a_hemi-L"]["state"] == "unfinished"
@@ -259,7 +263,7 @@ def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study, killed)
         start_new_session=True,
     )
     if killed == "everything":
-        mesh = certificate.name.replace("certificate.json", "tetmesh.vtu")
+        mesh = certificate.name.replace("Solver_certificate.json", "Ordered_tetmesh.vtu")
         wait_for(study.folder / f"sabotage/wait-solver_ready-{mesh}", run)
         os.killpg(run.pid, signal.SIGKILL)
     assert run.wait() != 0

@@ -22,7 +22,8 @@ from cortet.measure.certify import certify
 from cortet.meshes import TriSurface
 from cortet.pipeline import mesh_surface
 from cortet.report.methods import cited, methods_text, write_citation
-from cortet.stages import record_of
+from cortet.stages import STAGES
+from cortet.stages.stage import About, State
 
 CASES = [
     Case("01", None, "L", 22.5, Path("a.surf.gii")),
@@ -42,8 +43,8 @@ def certificate(case: Case, setting: str = "cgal", **limits: Any) -> dict[str, A
         Certify(**limits),
         case=case.name,
         parameters={
-            "generate": record_of(config, "generate", {"cell_size": 0.6, "mesher": "cgal"}),
-            **{stage: record_of(config, stage, {"gestational_age": 28.0, "cell_size": 0.6}) for stage in stages},
+            stage: STAGES[stage].record(config, About(gestational_age=28.0, cell_size=0.6, mesher="cgal"))
+            for stage in ("generate", *stages)
         },
         reports={"generate": {"topology_ok": True, "reason": "", "backend": "pygalmesh"}},
     )
@@ -61,10 +62,10 @@ def records(made: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return copy.deepcopy(made)
 
 
-def meshed(setting: str, surface: TriSurface = BALL, **options: Any) -> dict[str, Any]:
+def meshed(setting: str, surface: TriSurface = BALL, sphere: TriSurface | None = None, **known: Any) -> dict[str, Any]:
     """The certificate of a real mesh, which names every library that is installed here."""
     config = load({"setting": setting, "generate": {"cell_size": 4.0}, "resample": {"subdivisions": 3}})
-    return asdict(mesh_surface(surface, config, **options).certificate)
+    return asdict(mesh_surface(State(surface, sphere), config, About(**known)).certificate)
 
 
 def test_it_counts_surfaces_and_names_what_was_left_out(records):

@@ -14,7 +14,8 @@ from test_versions import RESULTS
 from cortet.config import Config, load
 from cortet.errors import CortetError
 from cortet.meshes import TetMesh, TriSurface
-from cortet.stages import STAGES, record_of
+from cortet.stages import STAGES, settled
+from cortet.stages.stage import About
 
 EXAMPLES = {name: example for name, example in RESULTS.items() if name.split()[0] in STAGES}
 #: those that look at the orientation of what they are given
@@ -76,5 +77,5 @@ def test_a_key_of_a_stage_refuses_nonsense(stage, key):
 @pytest.mark.parametrize(("mesher", "has_it"), [("lattice", False), ("tetgen", False), ("cgal", True)])
 def test_a_record_has_only_what_its_mesher_uses(mesher, has_it):
     """Installing pygalmesh, which the lattice mesher does not use, made finished meshes unfinished."""
-    record = record_of(load({}), "generate", {"cell_size": 1.0, "mesher": mesher})
+    record = STAGES["generate"].record(settled(load({})), About(cell_size=1.0, mesher=mesher))
     assert ("backend" in record) is ("facet_angle" in record) is has_it and record["cell_size"] == 1.0

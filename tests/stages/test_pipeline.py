@@ -20,6 +20,7 @@ from cortet.measure.fidelity import fidelity
 from cortet.meshes import TetMesh, TriSurface
 from cortet.pipeline import mesh_surface, run
 from cortet.stages import stages_of
+from cortet.stages.stage import About, State
 
 FAST = {"generate": {"cell_size": 5.0, "odt": False, "lloyd": False}}
 
@@ -45,7 +46,7 @@ def file(ball: TriSurface, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def made(ball: TriSurface, file: Path) -> tuple[TetMesh, Certificate, list[str]]:
     seen: list[str] = []
     mesh, certificate, _ = mesh_surface(
-        ball, load(FAST), source=file, case="ball", progress=lambda step: seen.append(step.stage)
+        State(ball), load(FAST), About(source=str(file)), case="ball", progress=lambda step: seen.append(step.stage)
     )
     return mesh, certificate, seen
 
@@ -78,28 +79,28 @@ def test_the_mesh_is_certified_faithful_and_says_how_it_was_made(made, ball, fil
 
 
 def test_a_surface_that_is_not_smoothed_for_want_of_an_age_is_told(ball, caplog):
-    next(run(ball, load({**FAST, "smooth_surface": {"method": "published"}})))
+    next(run(State(ball), load({**FAST, "smooth_surface": {"method": "published"}}), About()))
     assert "not smoothed" in caplog.text
 
 
 def test_a_surface_with_a_sphere_is_put_onto_the_common_mesh_first(ball):
     inside = ball_surface(subdivisions=4, radius=9.0)
     config = load({**FAST, "resample": {"subdivisions": 5}})
-    line = run(nested(ball, {"white": inside}), config, sphere=ball, sphere_source="ball.sphere.gii")
+    line = run(State(nested(ball, {"white": inside}), ball), config, About(sphere_file="ball.sphere.gii"))
     first, second = next(line), next(line)
     assert (first.stage, second.stage) == ("resample", "repair") and first.report["inner"]["white"]["resampled"]
-    assert first.parameters["sphere_file"] == "ball.sphere.gii" and first.parameters["subdivisions"] == 5
+    assert first.report["sphere"] == "ball.sphere.gii" and first.parameters["subdivisions"] == 5
     assert len(second.surface.points) == len(second.surface.inner["white"].points) == 10242
     assert np.abs(second.surface.point_data["height"] - second.surface.points[:, 2]).max() < 0.2
     off = load({**FAST, "resample": {"enabled": False}})
-    assert next(run(ball, off, sphere=ball)).stage == "repair" == next(run(ball, config)).stage
+    assert next(run(State(ball, ball), off, About())).stage == "repair" == next(run(State(ball), config, About())).stage
 
 
 def test_inner_surfaces_are_repaired_too(ball):
     inside = TriSurface(0.7 * ball.points, ball.faces[3:])
     outside = TriSurface(ball.points, ball.faces[3:])
     for outer, inner, repaired in ((outside, inside, (True, True)), (ball, inside, (False, True))):
-        line = run(nested(outer, {"white": inner}), load(FAST))
+        line = run(State(nested(outer, {"white": inner})), load(FAST), About())
         first, second = next(line), next(line)
         assert (first.report["repaired"], first.report["inner"]["white"]["repaired"]) == repaired
         assert second.stage == "gate"
@@ -108,7 +109,7 @@ def test_inner_surfaces_are_repaired_too(ball):
 
 def test_the_native_surface_is_compared_in_mm_whatever_the_unit(ball):
     metres = replace(ball, points=ball.points / 1000)
-    made = mesh_surface(metres, load({**FAST, "gate": {"unit": "m"}}))
+    made = mesh_surface(State(metres), load({**FAST, "gate": {"unit": "m"}}))
     assert made.certificate.native is not None
     assert made.certificate.native.native_to_boundary_mm.max < 5.0
     assert abs(made.certificate.native.relative_area_change) < 0.05
@@ -118,5 +119,5 @@ def test_the_native_surface_is_compared_in_mm_whatever_the_unit(ball):
 
 def test_a_real_surface_of_22_weeks_is_certified():
     config = load({"generate": {"cell_size": 2.5}})
-    certificate = mesh_surface(real_surface("fetal/CRL_STA22_left_white"), config).certificate
+    certificate = mesh_surface(State(real_surface("fetal/CRL_STA22_left_white")), config).certificate
     assert certificate.certified, certificate.reasons

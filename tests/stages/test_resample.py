@@ -15,8 +15,9 @@ from cortet.errors import InputError
 from cortet.formats.gifti import read_fields, read_surface, write_fields, write_surface
 from cortet.geometry.icosphere import icosphere
 from cortet.meshes import FloatArray, TriSurface
-from cortet.stages import STAGES, arguments_of
+from cortet.stages import STAGES
 from cortet.stages.resample import resample
+from cortet.stages.stage import About, State
 
 SIZE = 30.0
 
@@ -61,11 +62,11 @@ def test_the_vertices_of_the_common_mesh_lie_where_the_map_puts_them():
 def test_a_template_takes_the_place_of_the_icosphere(tmp_path):
     write_surface(shifted_sphere(3), tmp_path / "L.sphere.surf.gii")
     config = load({"resample": {"template": str(tmp_path / "{hemi}.sphere.surf.gii")}})
-    arguments = arguments_of(config, "resample", {"hemisphere": "L", "sphere_file": "a.surf.gii"})
-    made, _ = STAGES["resample"].run(*native(4), **arguments)
-    assert len(made.points) == 642 and np.abs(made.points - egg(shifted_sphere(3).points)).max() < 0.4
+    state = State(*native(4))
+    made, _ = STAGES["resample"].run(state, config, About(hemi="L"))
+    assert len(made.surface.points) == 642 and np.abs(made.surface.points - egg(shifted_sphere(3).points)).max() < 0.4
     with pytest.raises(InputError, match="hemisphere, which is unknown"):
-        arguments_of(config, "resample", {"hemisphere": None, "sphere_file": "a.surf.gii"})
+        STAGES["resample"].run(state, config, About())
 
 
 def test_an_inner_surface_of_other_triangles_stays_as_it_is():

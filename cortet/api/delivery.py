@@ -1,0 +1,129 @@
+"""What is written for a mesh, and under which names, for Python and the command line alike.
+
+A rule of the workflow writes one of these files, by the same functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from cortet.formats import format_of
+from cortet.formats.atomic import recorded
+from cortet.formats.ownership import delete_made, files_of, is_ours, json_of, may_write
+from cortet.formats.tables import write_table
+from cortet.formats.volumes import TISSUE_COLUMNS
+from cortet.meshes import region_names
+from cortet.solver_files.export import export_made
+from cortet.solver_files.meshed import (
+    certificate_path,
+    meshed_files,
+    require_own_stem,
+    uncertified_path,
+    write_meshed,
+)
+from cortet.solver_files.sidecar import sidecar_path
+from cortet.solver_files.volumes import label_names
+
+if TYPE_CHECKING:
+    from cortet.api.meshing import Mesh
+
+
+class Files(NamedTuple):
+    """The files of a mesh; the names of the others begin with its stem."""
+
+    mesh: Path
+    certificate: Path
+    #: region -> surface that was meshed
+    surfaces: dict[str, Path]
+    #: table of the labels of its volumes, where it has some
+    tissues: Path | None
+
+    @property
+    def all(self) -> list[Path]:
+        """All but the mesh, with its sidecar."""
+        tissues = [self.tissues] if self.tissues else []
+        return [self.certificate, *self.surfaces.values(), *tissues, sidecar_path(self.mesh)]
+
+
+def file_of(path: Path, *, certified: bool) -> Path:
+    """The file of a mesh where `path` is asked for: the name of one that is not certified says so."""
+    return path if certified else uncertified_path(path)
+
+
+def files(path: Path, inner: Iterable[str], *, certified: bool, volumes: bool) -> Files:
+    """The files of a mesh with some inner regions, and with or without volumes, where `path` is asked for."""
+    file = file_of(path, certified=certified)
+    table = file.with_name(f"{file.name.removesuffix(file.suffix)}.volumes.tsv")
+    return Files(file, certificate_path(file), meshed_files(region_names(inner), file), table if volumes else None)
+
+
+def deliver(
+    made: Mesh,
+    path: Path,
+    *,
+    force: bool = False,
+    uncertified: bool = False,
+    views: Callable[[Callable[[Path], Path]], None] = lambda _: None,
+) -> list[str]:
+    """Write a mesh with its certificate, the surface that was meshed, and a table of its labels (`files`).
+
+    A mesh that is not certified gets another name, so that the files of an earlier mesh stay; of such a mesh, only the
+    others are written unless `uncertified` is true.
+
+    Parameters
+    ----------
+    force : replace the companions of another mesh
+    views : writes pictures and pages; gets a function that gives the temporary name of each
+
+    Returns
+    -------
+    What the format cannot hold, in words.
+    """
+    config, origin, certificate = made.config, made.origin, asdict(made.certificate)
+    out = files(path, made.surface.inner, certified=made.certified, volumes=bool(made.tissue_rows))
+    if not force:
+        size, digest = config.generate.cell_size[0], made.certificate.mesh_sha256
+        require_own_stem(out.mesh, origin.given, cell_size=size, mesh_sha256=digest)
+    for file in out.all:
+        may_write(file)
+    told: list[str] = []
+
+    def write_mesh(folder: Path) -> None:
+        if not (made.certified or uncertified):
+            return
+        told.extend(
+            export_made(
+                made.mesh,
+                made.surface,
+                out.mesh,
+                certificate=certificate,
+                origin=replace(origin, meshed=out.surfaces),
+                sets=config.export.sets(origin.kind),
+                labels=label_names(made.volumes),
+                arguments={**config.export_arguments(format_of(out.mesh).name), "uncertified": uncertified},
+                temporary=folder,
+            )
+        )
+
+    # files of an earlier mesh of this name are not to be taken for this one's
+    earlier = (out.certificate, sidecar_path(out.mesh))
+    with recorded(certificate, out.certificate, replaced=earlier, then=write_mesh) as temporary:
+        write_meshed(made.surface, temporary(out.mesh))
+        if out.tissues:
+            write_table(TISSUE_COLUMNS, made.tissue_rows, temporary(out.tissues))
+        views(temporary)
+    if made.certified:
+        _delete_failed(uncertified_path(path))
+    return told
+
+
+def _delete_failed(path: Path) -> None:
+    """Delete an earlier mesh that was not certified, with its certificate; nothing if any of its files was edited."""
+    records = [file for file in (sidecar_path(path), certificate_path(path)) if file.exists()]
+    others = [path.with_name(name) for record in records for name in files_of(record)]
+    if json_of(certificate_path(path)).get("certified") is False and all(map(is_ours, [*records, *others])):
+        for record in records:
+            delete_made(record)
