@@ -49,9 +49,10 @@ class Progress:
     """How far a run has come, from the events of Snakemake."""
 
     clock: Callable[[], float] = time.monotonic
-    #: meshes that are made in this run, and how many of them are certified so far
+    #: meshes that are made in this run, how many of them are certified so far, and folds that are to come
     meshes: int = 0
     certified: int = 0
+    folds: int = 0
     #: jobs done and in all, and those that are running
     jobs: tuple[int, int] = (0, 0)
     running: dict[int, Job] = field(default_factory=dict)
@@ -67,14 +68,16 @@ class Progress:
         """What will be done, from the number of jobs of each rule."""
         self.meshes, self.jobs = stats.get(_LAST, 0), (0, stats["total"])
         meshes = f"{self.meshes} {'mesh' if self.meshes == 1 else 'meshes'} to make, " if self.meshes else ""
-        folds = f"{stats[_FOLD]} to fold, " if stats.get(_FOLD) else ""
+        self.folds = stats.get(_FOLD, 0)
+        folds = f"{self.folds} to fold, " if self.folds else ""
         return f"{meshes}{folds}{self.jobs[1]} jobs"
 
-    def started(self, number: int, rule: str, wildcards: Mapping[str, str], output: Sequence[str] = ()) -> None:
-        """A job starts."""
+    def started(self, number: int, rule: str, wildcards: Mapping[str, str], output: Sequence[str] = ()) -> str:
+        """A job starts; the line of a fold, which takes long, else nothing."""
         now = self.clock()
         first = self.starts.setdefault(wildcards.get("case", ""), now)
         self.running[number] = Job(rule, mesh_name(wildcards), output, now if rule == _FOLD else first)
+        return f"{mesh_name(wildcards)}  folding begins; its log says how far it is" if rule == _FOLD else ""
 
     def ended(self, number: int) -> str:
         """A job has ended well; the line of a mesh or a fold that is done with it, else nothing."""
@@ -86,6 +89,7 @@ class Progress:
             return ""
         record = json.loads(verdict.read_text(encoding="utf-8"))
         if job.rule == _FOLD:
+            self.folds -= 1
             told = f"{record['reason']}; gyrification index {record['gyrification_index_last']:.2f}"
             return f"{job.mesh}  {told}, {self._minutes(job)}{self.left()}"
         self.certified += record["certified"]
@@ -94,7 +98,9 @@ class Progress:
             self.uncertified.add(job.mesh)
             told = f"NOT certified: {'; '.join(record['reasons'])};"
         numbers = f"worst q {record['quality']['q']['max']:.3f}, {record['quality']['tets']:,} tetrahedra"
-        count = f"{self.certified + len(self.uncertified):{len(str(self.meshes))}}/{self.meshes}"
+        done = self.certified + len(self.uncertified)
+        self.meshes = max(self.meshes, done)  # what a checkpoint finds is added to the plan
+        count = f"{done:{len(str(self.meshes))}}/{self.meshes}"
         return f"{count}  {job.mesh}  {told} {numbers}, {self._minutes(job)}{self.left()}"
 
     def failure(self, number: int, log: str) -> str:
@@ -115,9 +121,9 @@ class Progress:
         return f"{done}/{total} jobs{self.left()}  {now}"[:_WIDTH]
 
     def left(self) -> str:
-        """The time that is left, were all jobs alike; nothing before a tenth of them is done."""
+        """The time that is left, were all jobs alike; nothing before a tenth is done, or if folds are to come."""
         done, total = self.jobs
-        if not self.starts or done < max(total / 10, 1) or done == total:
+        if self.folds > 0 or not self.starts or done < max(total / 10, 1) or done == total:
             return ""
         minutes = (self.clock() - min(self.starts.values())) / done * (total - done) / 60
         return f", about {minutes:.0f} min left" if minutes >= 1.5 else ", about a minute left"
@@ -208,7 +214,8 @@ class LogHandler(LogHandlerBase):
                 self._plan[(known["wildcards"] or {}).get("case", "")][known["rule_name"]] += 1
             case LogEvent.JOB_INFO:
                 wildcards = dict(known["wildcards"] or {})
-                progress.started(known["jobid"], known["rule_name"], wildcards, list(known["output"]))
+                line = progress.started(known["jobid"], known["rule_name"], wildcards, list(known["output"]))
+                yield f"{line}: {shown(known['log'][0])}" if line and known["log"] else line
             case LogEvent.JOB_FINISHED if self._only_touches:
                 progress.running.pop(known["job_id"], None)
             case LogEvent.JOB_FINISHED:

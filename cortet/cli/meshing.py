@@ -111,7 +111,7 @@ def mesh(
     Parameters
     ----------
     surface
-        Closed surface, GIfTI, mm.
+        Closed surface in mm: GIfTI, FreeSurfer, STL, PLY, OBJ or OFF.
     output
         Mesh file; its extension selects the format.
     ga

@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from contextlib import chdir, nullcontext
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -190,6 +191,8 @@ def run(
         age = "age unknown" if case.scan_age is None else f"{case.scan_age:g} weeks"
         print(f"  {case.name}  {age}  {case.surface}", flush=True)
     work, output = (work_dir or app.work_folder(output_dir)).absolute(), output_dir.absolute()
+    if profile == "slurm" and find_spec("snakemake_executor_plugin_slurm") is None:
+        raise InputError("--profile slurm needs Snakemake's plugin", remedy="run pip install 'cortet[slurm]'")
     if profile and Path(profile).is_dir():
         profile = str(Path(profile).absolute())
     with app.lock(bids_dir, output_dir), app.unchanged(work, dry_run=dry_run):

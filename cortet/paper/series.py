@@ -76,7 +76,14 @@ def series_figure(brains: Sequence[Brain], *, cell_size: float | None = None) ->
         axis.imshow(image, extent=(0, 2 * half_width, 0, 2 * half_height), interpolation="antialiased")
         if not cut:  # the cut below it has the same directions
             place: dict[str, Any] = {"x": 0.02, "ha": "left"} if side == "L" else {"x": 0.98, "ha": "right"}
-            axis.text(y=0, s="anterior", va="bottom", fontsize="small", transform=axis.transAxes, **place)
+            axis.text(
+                y=0,
+                s="\u2190 anterior" if side == "L" else "anterior \u2192",
+                va="bottom",
+                fontsize="small",
+                transform=axis.transAxes,
+                **place,
+            )
 
     with drawn(*size) as figure:
         axes = figure.subplots(len(rows) + 1, len(brains), squeeze=False)

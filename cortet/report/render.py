@@ -64,7 +64,7 @@ _GREY = {"color": "#D0D0D0", "ambient": 0.15, "diffuse": 0.85, "smooth_shading":
 _DIRECTIONS = (("on the left", "on the right"), ("down", "up"), ("away from you", "towards you"))
 _BARS = (1, 2, 5, 10, 20, 50)
 #: room for the words below a bar, a share of the height; their colour, which shows on white and on black
-_BELOW, _INK = 0.12, "#767676"
+_BELOW, _INK = 0.09, "#767676"
 #: letters of pictures that stand in figures, which have the same
 _FONT = str(Path(mpl.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf"))
 
@@ -126,10 +126,10 @@ def _frame(
 ) -> None:
     """Fill a share `room` of the width with points, as `_aim` sees them; below stand a scale bar and directions."""
     width, height = plotter.window_size
-    bar, up = _bar(points, across, towards), _up(across)
-    below = bar - _BELOW * np.ptp(points[:, up]) * np.eye(3)[up]
-    shown, camera = np.concatenate([points, bar, below]), plotter.camera
-    _aim(camera, shown, across, towards, width_to_height=room * width / height, **aim)
+    frame, camera = _seen_from(across, towards, **aim), plotter.camera
+    bar = _bar(points, frame)
+    below = bar - _BELOW * np.ptp(points @ frame[1]) * frame[1]
+    _aim(camera, np.concatenate([points, bar, below]), frame, width_to_height=room * width / height)
     plotter.add_lines(bar, color=_INK, width=max(height // 150, 2))
     right, above, _ = (bar.mean(axis=0) - camera.focal_point) @ _axes(camera).T / (2 * camera.parallel_scale)
     lines = [f"{np.linalg.norm(bar[1] - bar[0]):.3g} mm", ", ".join(_directions(camera)), said]
@@ -137,23 +137,21 @@ def _frame(
         "\n".join(filter(None, lines)),
         position=(0.5 + right * height / width, 0.49 + above),
         viewport=True,
-        font_size=max(height // 60, 5),
+        font_size=max(height // 100, 5),
         font_file=font,
         color=_INK,
     )
     text.prop.justification_horizontal, text.prop.justification_vertical = "center", "top"
 
 
-def _bar(points: FloatArray, across: int, towards: float) -> FloatArray:
-    """Ends of a scale bar (2, 3) below points, before all of them as seen along an axis."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    up = _up(across)
-    along = 3 - across - up
-    length = max((bar for bar in _BARS if 4 * bar <= high[along] - low[along]), default=(high - low)[along] / 4)
-    ends = np.tile((low + high) / 2, (2, 1))
-    ends[:, across] = high[across] if towards > 0 else low[across]
-    ends[:, up] = low[up] - 0.03 * (high[up] - low[up])
-    ends[:, along] += np.array([-length, length]) / 2
+def _bar(points: FloatArray, frame: FloatArray) -> FloatArray:
+    """Ends of a horizontal scale bar (2, 3) below points and before all of them, in the picture with these axes."""
+    seen = points @ frame.T
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    wide, tall, _ = high - low
+    length = max((bar for bar in _BARS if 4 * bar <= wide), default=wide / 4)
+    middle = np.array([(low[0] + high[0]) / 2, low[1] - 0.03 * tall, high[2]])
+    ends: FloatArray = (middle + np.outer([-length / 2, length / 2], [1, 0, 0])) @ frame
     return ends
 
 
@@ -237,7 +235,7 @@ def surface_view(
         if framed:
             _frame(plotter, surface.points, font=_FONT, **look)
         else:
-            _aim(plotter.camera, surface.points, width_to_height=size[0] / size[1], **look)
+            _aim(plotter.camera, surface.points, _seen_from(**look), width_to_height=size[0] / size[1])
         return _cut_out(plotter)
 
 
@@ -296,7 +294,7 @@ def lateral_view(
     shape = half_width / half_height
     with off_screen((width, round(width / shape))) as plotter:
         plotter.add_mesh(shell, show_scalar_bar=False, **look)
-        _aim(plotter.camera, corners, 0, towards, above=0, beside=0, width_to_height=shape)
+        _aim(plotter.camera, corners, _seen_from(0, towards, above=0, beside=0), width_to_height=shape)
         image: NDArray[np.uint8] = plotter.screenshot(None, return_img=True)
     return image
 
@@ -340,26 +338,21 @@ def _skin(mesh: TetMesh, kept: NDArray[np.bool_]) -> pyvista.PolyData:
     return grid.extract_surface(algorithm="dataset_surface")
 
 
-def _aim(
-    camera: pyvista.Camera,
-    points: FloatArray,
-    across: int,
-    towards: float = 1.0,
-    *,
-    width_to_height: float,
-    above: float = 0.3,
-    beside: float = 0.4,
-) -> None:
-    """Look along an axis from the side `towards`, of a cut the open one, from above and beside; fill the picture."""
+def _seen_from(across: int, towards: float = 1.0, *, above: float = 0.3, beside: float = 0.4) -> FloatArray:
+    """Unit vectors right, up and towards a viewer who looks along an axis from above and beside: (3, 3)."""
     up, along = np.eye(3)[_up(across)], towards * np.eye(3)[across]
     view = along + above * up - beside * np.cross(up, along)
     view /= np.linalg.norm(view)
     right = np.cross(up, view) / np.linalg.norm(np.cross(up, view))
-    frame = np.stack([right, np.cross(view, right), view])  # rows: right, up, towards the camera
+    return np.stack([right, np.cross(view, right), view])
+
+
+def _aim(camera: pyvista.Camera, points: FloatArray, frame: FloatArray, *, width_to_height: float) -> None:
+    """Fill the picture with points, as seen with the axes `frame`, from `_seen_from`."""
     seen = points @ frame.T
     low, high = seen.min(axis=0), seen.max(axis=0)
     focus, extent = (low + high) / 2 @ frame, high - low
-    camera.position, camera.focal_point, camera.up = focus + 2 * extent.max() * view, focus, up
+    camera.position, camera.focal_point, camera.up = focus + 2 * extent.max() * frame[2], focus, frame[1]
     camera.parallel_projection = True
     camera.parallel_scale = MARGIN * max(extent[1], extent[0] / width_to_height) / 2
     camera.clipping_range = (0.1 * extent.max(), 4 * extent.max())

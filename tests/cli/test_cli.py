@@ -219,3 +219,11 @@ def test_a_fold_that_was_killed_goes_on_with_the_age_of_its_file(ball, tmp_path)
     assert main(command) == 0
     assert not list((tmp_path / "folded").rglob(".[0-9]*"))
     assert read_tsv(tmp_path / "folded/fold.tsv").iloc[0]["gestational_age"] == "24"
+
+
+def test_a_run_on_slurm_without_its_plugin_names_what_to_install(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("cortet.cli.runs.find_spec", lambda _: None)
+    (surface := tmp_path / "in/sub-01/anat/sub-01_hemi-L_white.surf.gii").parent.mkdir(parents=True)
+    surface.touch()
+    assert main(["run", str(tmp_path / "in"), str(tmp_path / "out"), "--profile", "slurm"]) == 1
+    assert "pip install 'cortet[slurm]'" in capsys.readouterr().err and not (tmp_path / "out").exists()

@@ -59,14 +59,25 @@ def test_a_mesh_is_one_line_with_its_verdict(tmp_path, certified, said):
     assert told.startswith(f"failed: {MESH} in export") if certified else told == "", "that it is not exported follows"
 
 
+def test_meshes_that_a_checkpoint_adds_are_counted(tmp_path):
+    run, _ = progress(meshes=1)
+    told = []
+    for number in (1, 2):
+        run.started(number, "solver_ready", WILDCARDS, [str(certificate(tmp_path, certified=True))])
+        told.append(run.ended(number))
+    assert [line[:3] for line in told] == ["1/1", "2/2"]
+
+
 def test_a_fold_is_one_line_with_its_verdict(tmp_path):
     verdict = tmp_path / "verdict.json"
     verdict.write_text(json.dumps({"reason": "folded from 22 to 34 weeks", "gyrification_index_last": 1.2451}))
     run, now = progress()
     assert run.planned({"solver_ready": 2, "fold": 3, "total": 40}) == "2 meshes to make, 3 to fold, 40 jobs"
-    run.started(7, "fold", {**WILDCARDS, "variant": "Thin"}, [str(verdict)])
-    now[0] = 120.0
     fold = "sub-01_hemi-L (0.6 mm, Thin)"
+    begun = run.started(7, "fold", {**WILDCARDS, "variant": "Thin"}, [str(verdict)])
+    assert begun == f"{fold}  folding begins; its log says how far it is"
+    now[0], run.jobs = 120.0, (39, 40)
+    assert not run.left(), "folds take longer than all other jobs"
     assert run.ended(7) == f"{fold}  folded from 22 to 34 weeks; gyrification index 1.25, 2.0 min"
 
 

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from cortet.errors import InputError
 from cortet.meshes import REGION, TetMesh
 from cortet.report.colours import GREY, REGION_COLOURS
-from cortet.report.render import picture
+from cortet.report.render import _bar, _seen_from, picture
 from cortet.report.slices import draw_section, middle_of, section
 
 
@@ -45,6 +45,12 @@ def test_a_cut_mesh_fills_the_picture_and_elements_beyond_the_limit_stand_out(tm
         drawn = (image < 250).any(axis=2)
         assert image.shape == (300, 300, 3) and not drawn[0].any()
         assert is_bad or (drawn.any(axis=1).mean() > 0.9 and drawn[150].sum() > 150), "from top to bottom"
+
+
+def test_the_scale_bar_of_an_oblique_view_is_horizontal_and_as_long_as_it_says():
+    frame = _seen_from(1)
+    first, last = _bar(cube_mesh(2, side=10.0).points, frame)
+    assert frame @ (last - first) == pytest.approx([2, 0, 0])
 
 
 def test_a_side_shows_the_mesh_from_there(tmp_path):
