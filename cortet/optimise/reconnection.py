@@ -85,16 +85,18 @@ def reconnected(
     threshold: float = 0.3,
     boundary: Boundary = "slide",
     insert: bool = True,
+    mean: bool = True,
     cell_size: float | None = None,
 ) -> Reconnected:
     """Swap edges and faces around tetrahedra with q above `threshold`, insert vertices, and move the vertices there.
 
-    Parameters are those of `cortet.stages.reconnect.reconnect`; the mesh must be sound (`optimise.soundness`).
+    Parameters are those of `cortet.stages.reconnect.reconnect`; the mesh must be sound (`optimise.soundness`). Without
+    `mean`, no vertices move that are far from these tetrahedra.
     """
     tree = forest(surface)
 
     def optimise(start: TetMesh, held: IntArray) -> tuple[TetMesh, list[SwapCount]]:
-        return _improved(start, tree, threshold, boundary, held)
+        return _improved(start, tree, threshold, boundary, held, mean=mean)
 
     if insert:
         start, inserted, swaps = _with_insertions(mesh, tree, threshold)
@@ -286,9 +288,9 @@ def _tried(
 
 
 def _improved(
-    mesh: TetMesh, tree: SurfaceTree, threshold: float, boundary: Boundary, held: IntArray
+    mesh: TetMesh, tree: SurfaceTree, threshold: float, boundary: Boundary, held: IntArray, *, mean: bool
 ) -> tuple[TetMesh, list[SwapCount]]:
-    """Alternate between swaps and moves until no swap helps; also return the swaps of each round."""
+    """Alternate between swaps and moves until no swap helps, then improve the `mean`; also return the swaps."""
     rigid = np.full(len(mesh.points), boundary == "fixed")
     rigid[held] = True
     counts = []
@@ -302,7 +304,8 @@ def _improved(
         powers = _FIRST_POWERS if number == 1 else _FIRST_POWERS[-1:]
         aims = [Pass(threshold, power, _SWEEPS) for power in powers]
         mesh, _ = move_vertices(mesh, tree, aims, boundary=boundary, held=held)
-    mesh, _ = move_vertices(mesh, tree, _mean_moves(threshold), boundary=boundary, held=held)
+    if mean:
+        mesh, _ = move_vertices(mesh, tree, _mean_moves(threshold), boundary=boundary, held=held)
     return mesh, counts
 
 
