@@ -110,7 +110,8 @@ def _meshed(
     points, cells = tetrahedralised(joined(walls), nodes)
     mesh, flat = well_ordered(points, cells, regions_of(points, cells, walls) if surface.inner else None)
     require_sound(mesh, quality(mesh.points, mesh.cells))
-    mesh = reconnected(mesh, surface, insert=False, cell_size=facts.cell_size).mesh
+    # the next stage improves the mean
+    mesh = reconnected(mesh, surface, insert=False, mean=False, cell_size=facts.cell_size).mesh
     attempt = checked(mesh, surface, edge_length=edge, flat=flat)
     return mesh, replace(attempt, problems=attempt.problems + _interface_problems(mesh, surface))
 

@@ -23,7 +23,7 @@ from cortet.geometry.closest_point import closest_point, tree_of
 from cortet.geometry.topology import TET_FACES, neighbours, numbers, used_vertices
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
 from cortet.optimise.cavities import EDGE_FRAMES, MAX_RING, replace_cells, ring_around, unit_normal
-from cortet.optimise.star import fill_row, newton_step, row_derivatives, row_energy, row_mu2
+from cortet.optimise.star import FLATNESS, MU2, derivatives, empty_star, energy, find_mu2, newton_step, set_column
 from cortet.optimise.swaps import live_cells, swappable
 
 #: most tetrahedra of a cavity
@@ -217,21 +217,35 @@ def _outer_faces(mesh, cavity, size, faces, halved):  # type: ignore[no-untyped-
     The two boundary faces of an edge that is split are left out, so that four faces replace them.
     """
     count = 0
-    for i in range(size):
-        for k in range(4):
-            f = mesh.neighbours[cavity[i], k]
-            inside = False
-            for j in range(size):
-                inside |= f == cavity[j]
-            if not inside:
-                ends = 0
-                for j in range(3):
-                    vertex = mesh.cells[cavity[i], TET_FACES[k, j]]
-                    faces[count, j] = vertex
-                    ends += vertex == halved[0] or vertex == halved[1]
-                faces[count, 3] = f
-                count += f >= 0 or ends < 2
+    for done in range(size):
+        count = _with_one_more(mesh, cavity, done, faces, count, halved)
     return count
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _with_one_more(mesh, cavity, size, faces, count, halved):  # type: ignore[no-untyped-def]
+    """Update the first `count` faces around cavity[:size], as `_outer_faces` does, for one more: cavity[size]."""
+    e = cavity[size]
+    kept = 0
+    for i in range(count):
+        if faces[i, 3] != e:
+            for j in range(4):
+                faces[kept, j] = faces[i, j]
+            kept += 1
+    for k in range(4):
+        f = mesh.neighbours[e, k]
+        inside = False
+        for j in range(size):
+            inside |= f == cavity[j]
+        if not inside:
+            ends = 0
+            for j in range(3):
+                vertex = mesh.cells[e, TET_FACES[k, j]]
+                faces[kept, j] = vertex
+                ends += vertex == halved[0] or vertex == halved[1]
+            faces[kept, 3] = f
+            kept += f >= 0 or ends < 2
+    return kept
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -242,14 +256,14 @@ def _best_cavity(mesh, cavity, count, faces, place, halved):  # type: ignore[no-
     splits a boundary edge does not move. Returns the new worst over the old, infinite if no filling is valid, and the
     size of the cavity.
     """
-    star = np.empty((4 * _MOST, 8))
+    star = empty_star()
     trial = place.copy()
     best, size = np.inf, count
     worst = 0.0
     for i in range(count):
         worst = max(worst, mesh.mu2[cavity[i]])
+    outer = _outer_faces(mesh, cavity, count, faces, halved)
     while True:
-        outer = _outer_faces(mesh, cavity, count, faces, halved)
         achieved, at = _settled(mesh, faces, outer, trial, star, _STEPS if halved[0] < 0 else 0)
         if achieved / worst < best:
             best, size = achieved / worst, count
@@ -258,6 +272,7 @@ def _best_cavity(mesh, cavity, count, faces, place, halved):  # type: ignore[no-
         if behind < 0 or count == _MOST or count - size == _PATIENCE or mesh.region[behind] != mesh.region[cavity[0]]:
             return best, size
         cavity[count] = behind
+        outer = _with_one_more(mesh, cavity, count, faces, outer, halved)
         count += 1
         worst = max(worst, mesh.mu2[behind])
 
@@ -267,13 +282,13 @@ def _settled(mesh, faces, outer, place, star, steps):  # type: ignore[no-untyped
     """Move a vertex joined to all `faces` to where these tetrahedra are best; return their worst mu^2, and which."""
     for _ in range(steps):
         _rows(mesh, faces, outer, place, star)
-        before = row_energy(star, outer, 0.0, 0.0, 0.0, _POWER // 2, np.inf)
+        before = energy(star, outer, 0.0, 0.0, 0.0, _POWER // 2, np.inf)
         if not before < np.inf:
             break
-        dx, dy, dz = newton_step(row_derivatives(star, outer, _POWER // 2))
+        dx, dy, dz = newton_step(derivatives(star, outer, _POWER // 2))
         moved = False
         for _ in range(_BACKTRACKS):
-            if row_energy(star, outer, dx, dy, dz, _POWER // 2, np.inf) < before:
+            if energy(star, outer, dx, dy, dz, _POWER // 2, np.inf) < before:
                 place[0], place[1], place[2] = place[0] + dx, place[1] + dy, place[2] + dz
                 moved = True
                 break
@@ -281,13 +296,14 @@ def _settled(mesh, faces, outer, place, star, steps):  # type: ignore[no-untyped
         if not moved:
             break
     _rows(mesh, faces, outer, place, star)
+    find_mu2(star, outer, 0.0, 0.0, 0.0)
     worst, at, lowest = 0.0, 0, np.inf
     for i in range(outer):
-        mu2 = row_mu2(star[i], 0.0, 0.0, 0.0)
+        mu2, flatness = star[MU2 + i], star[FLATNESS + i]
         # if the vertex is behind several faces, take the one it is farthest behind
-        if mu2 > worst or (mu2 == np.inf and star[i, 3] < lowest):
+        if mu2 > worst or (mu2 == np.inf and flatness < lowest):
             worst, at = mu2, i
-            lowest = star[i, 3] if mu2 == np.inf else np.inf
+            lowest = flatness if mu2 == np.inf else np.inf
     return worst, at
 
 
@@ -300,4 +316,4 @@ def _rows(mesh, faces, outer, place, star):  # type: ignore[no-untyped-def]
         ax, ay, az = points[a, 0] - x, points[a, 1] - y, points[a, 2] - z
         bx, by, bz = points[b, 0] - x, points[b, 1] - y, points[b, 2] - z
         cx, cy, cz = points[c, 0] - x, points[c, 1] - y, points[c, 2] - z
-        fill_row(star[i], ax, ay, az, bx, by, bz, cx, cy, cz)
+        set_column(star, i, ax, ay, az, bx, by, bz, cx, cy, cz)

@@ -18,7 +18,6 @@ from cortet.meshes import IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import Flaws, flaws_since, without_crossing
 from cortet.optimise.insertion import MIN_GAIN, insert_vertices
 from cortet.optimise.places import (
-    RINGS,
     Part,
     bad_in_each,
     better_of_each,
@@ -43,9 +42,9 @@ _FEW = 2e-4
 _FIRST_SWAPS = 0.18
 #: powers of the first round, in which vertices move far; later rounds must not lose what it reached
 _FIRST_POWERS = (8, 16, 32)
-#: searches around the worst tetrahedra. After two, another one follows only if the worst q fell by the second of these
-#: numbers, or the sum of what is above the threshold fell below this share
-_MOST_SEARCHES, _LEAST_FALL, _LEAST_SHARE = 4, 2e-3, 0.9
+#: searches around the worst tetrahedra. After three, another one follows only if the worst q fell by the second of
+#: these numbers, or the sum of what is above the threshold fell below this share
+_MOST_SEARCHES, _LEAST_FALL, _LEAST_SHARE = 8, 2e-3, 0.9
 #: a threshold is reached if q exceeds it by at most this factor
 _REACHED = 1.001
 #: rounds of insertions after everything else
@@ -53,13 +52,14 @@ _LAST_ROUNDS = 4
 _SWEEPS, _MEAN_SWEEPS = 12, 4
 #: stages of a search around what is left: by how much an insertion may make a pocket worse at first, and rounds
 _GAINS = ((MIN_GAIN, 2), (1.25, 4), (1.6, 4))
-#: number of the worst tetrahedra in the first search and in each later one: with more, pockets join, and one that is
-#: too large is given up. What the first search leaves is in large pockets
-_SOUGHT, _LATER_SOUGHT = 200, 60
+#: number of the worst tetrahedra in one search: with more, pockets join, and one that is too large is given up
+_SOUGHT = 60
 #: a pocket with more bad tetrahedra than this is given up for this series of powers
 _MOST_HOPE = 100
 #: two series of powers; neither is always better: at 64, the good tetrahedra of a tight pocket hold the worst back
 _SEARCH_POWERS, _SEARCH_SWEEPS = ((8, 16, 32, 64), (8, 32, 128, 256)), 25
+#: vertices move from this share of the threshold on: the worst improve only if those around them give way
+_GIVING_WAY = 0.9
 #: tries: one for all pockets, the rest for the pockets whose boundary a try spoilt
 _SEARCHES = 6
 
@@ -85,16 +85,18 @@ def reconnected(
     threshold: float = 0.3,
     boundary: Boundary = "slide",
     insert: bool = True,
+    mean: bool = True,
     cell_size: float | None = None,
 ) -> Reconnected:
     """Swap edges and faces around tetrahedra with q above `threshold`, insert vertices, and move the vertices there.
 
-    Parameters are those of `cortet.stages.reconnect.reconnect`; the mesh must be sound (`optimise.soundness`).
+    Parameters are those of `cortet.stages.reconnect.reconnect`; the mesh must be sound (`optimise.soundness`). Without
+    `mean`, no vertices move that are far from these tetrahedra.
     """
     tree = forest(surface)
 
     def optimise(start: TetMesh, held: IntArray) -> tuple[TetMesh, list[SwapCount]]:
-        return _improved(start, tree, threshold, boundary, held)
+        return _improved(start, tree, threshold, boundary, held, mean=mean)
 
     if insert:
         start, inserted, swaps = _with_insertions(mesh, tree, threshold)
@@ -151,7 +153,7 @@ def _searched_while_it_helps(
     for number in range(_MOST_SEARCHES):
         q = quality(mesh.points, mesh.cells)
         left = float(np.maximum(q - threshold, 0).sum())
-        helps = number < 2 or q.max() < worst - _LEAST_FALL or left < _LEAST_SHARE * excess
+        helps = number < 3 or q.max() < worst - _LEAST_FALL or left < _LEAST_SHARE * excess
         if q.max() <= _REACHED * threshold or not helps:
             break
         worst, excess = float(q.max()), left
@@ -174,18 +176,17 @@ def searched(
 
     Also returns the number of vertices inserted. An insertion may make a pocket worse before it makes it better. If the
     boundary may slide, its edges may be split, too. A pocket whose boundary is spoilt goes back to its earlier state,
-    and is tried again with vertices held. What a search leaves, another one would leave again, so a `later` one adds a
-    layer of tetrahedra to the pockets, and relaxes them first.
+    and is tried again with vertices held. What a search leaves, another one would leave again, so a `later` one
+    relaxes the pockets first.
     """
     q = quality(mesh.points, mesh.cells)
-    most = _LATER_SOUGHT if later else _SOUGHT
-    worst = np.sort(q)[-most - 1 :]
-    aim = max(threshold, float(worst[0])) if len(worst) > most else threshold
+    worst = np.sort(q)[-_SOUGHT - 1 :]
+    aim = max(threshold, float(worst[0])) if len(worst) > _SOUGHT else threshold
     bad = q > aim
     if not bad.any():
         return mesh, 0
     logger.info("%d tetrahedra above q = %g: searching around them", np.count_nonzero(bad), aim)
-    part = cut_out(mesh, bad, rings=RINGS + later)
+    part = cut_out(mesh, bad)
     best, held = part.mesh, np.zeros(0, np.int32)
     again = np.ones(len(best.cells), np.bool_)
     for _ in range(_SEARCHES):
@@ -223,17 +224,19 @@ def _best_tries(
     """
     best = start
     for powers in _SEARCH_POWERS:
-        aims = [Pass(threshold, power, _SEARCH_SWEEPS) for power in powers]
-        found = _best_of_series(start, part, surface, aims, boundary, relax=relax, allowed=allowed)
+        aims = [Pass(_GIVING_WAY * threshold, power, _SEARCH_SWEEPS) for power in powers]
+        found = _best_of_series(start, part, surface, threshold, aims, boundary, relax=relax, allowed=allowed)
         best = better_of_each(best, found, allowed)
         start = only(start, bad_in_each(best, threshold) > 0)
-    return best
+    mean = _mean_moves(allowed)
+    return move_vertices(best, forest(surface), mean, boundary=boundary, held=rim_of(part, best))[0]
 
 
 def _best_of_series(
     start: TetMesh,
     part: Part,
     surface: TriSurface,
+    threshold: float,
     aims: list[Pass],
     boundary: Boundary,
     *,
@@ -244,12 +247,12 @@ def _best_of_series(
     for gain, rounds in _GAINS:
         trial = best
         for number in range(rounds):
-            trial = promising(trial, aims[0].threshold, _MOST_HOPE)
+            trial = promising(trial, threshold, _MOST_HOPE)
             if not len(trial.cells):
                 break
             if relax and not number:
-                trial = _relaxed(trial, part, surface, aims[0].threshold, boundary)
-            trial = _tried(trial, part, surface, aims, gain, boundary)
+                trial = _relaxed(trial, part, surface, threshold, boundary)
+            trial = _tried(trial, part, surface, threshold, aims, gain, boundary)
             best = better_of_each(best, trial, allowed)
     return best
 
@@ -265,10 +268,15 @@ def _relaxed(mesh: TetMesh, part: Part, surface: TriSurface, threshold: float, b
 
 
 def _tried(
-    mesh: TetMesh, part: Part, surface: TriSurface, aims: list[Pass], gain: float, boundary: Boundary
+    mesh: TetMesh,
+    part: Part,
+    surface: TriSurface,
+    threshold: float,
+    aims: list[Pass],
+    gain: float,
+    boundary: Boundary,
 ) -> TetMesh:
     """One round of swaps, insertions and moves in a `part`; its rim stays where it is."""
-    threshold = aims[0].threshold
     tree = forest(surface)
 
     def rigid() -> NDArray[np.bool_]:
@@ -286,9 +294,9 @@ def _tried(
 
 
 def _improved(
-    mesh: TetMesh, tree: SurfaceTree, threshold: float, boundary: Boundary, held: IntArray
+    mesh: TetMesh, tree: SurfaceTree, threshold: float, boundary: Boundary, held: IntArray, *, mean: bool
 ) -> tuple[TetMesh, list[SwapCount]]:
-    """Alternate between swaps and moves until no swap helps; also return the swaps of each round."""
+    """Alternate between swaps and moves until no swap helps, then improve the `mean`; also return the swaps."""
     rigid = np.full(len(mesh.points), boundary == "fixed")
     rigid[held] = True
     counts = []
@@ -300,9 +308,10 @@ def _improved(
         if number > 1 and made < _FEW * len(mesh.cells):
             break
         powers = _FIRST_POWERS if number == 1 else _FIRST_POWERS[-1:]
-        aims = [Pass(threshold, power, _SWEEPS) for power in powers]
+        aims = [Pass(_GIVING_WAY * threshold, power, _SWEEPS) for power in powers]
         mesh, _ = move_vertices(mesh, tree, aims, boundary=boundary, held=held)
-    mesh, _ = move_vertices(mesh, tree, _mean_moves(threshold), boundary=boundary, held=held)
+    if mean:
+        mesh, _ = move_vertices(mesh, tree, _mean_moves(threshold), boundary=boundary, held=held)
     return mesh, counts
 
 

@@ -26,7 +26,18 @@ from cortet.geometry import topology
 from cortet.geometry.closest_point import SurfaceTree, closest_point, first_triangles, triangle_normal
 from cortet.measure.quality import quality
 from cortet.meshes import FloatArray, IntArray, TetMesh
-from cortet.optimise.star import fill_row, mu2_of, newton_step, q_of, row_derivatives, row_energy, row_mu2, tangent_step
+from cortet.optimise.star import (
+    MU2,
+    WIDE,
+    derivatives,
+    empty_star,
+    energy,
+    mu2_of,
+    newton_step,
+    q_of,
+    set_column,
+    tangent_step,
+)
 
 #: while the mean improves, q may rise to this, or to the worst around the vertex if higher; a lower value costs mean
 KEPT = 0.34
@@ -58,8 +69,6 @@ class Patches(NamedTuple):
     rims: IntArray
     #: (n,) int8, FIXED, FREE or SLIDING
     freedom: np.ndarray
-    #: (1,), largest number of tetrahedra around a vertex
-    widest: np.ndarray
 
 
 class State(NamedTuple):
@@ -87,7 +96,7 @@ def _locate(points, tree, freedom, place):  # type: ignore[no-untyped-def]
 def _gather(points, p, v, star):  # type: ignore[no-untyped-def]
     """Describe the tetrahedra around v, with v at the origin: V' = d - n.x and 6 S = 3 x.x - 2 m.x + k.
 
-    Fills a row n, d, m, k of `star` for each and returns their number.
+    Fills a column n, d, m, k of `star` for each and returns their number.
     """
     ox, oy, oz = points[v]
     cells = p.cells
@@ -105,7 +114,7 @@ def _gather(points, p, v, star):  # type: ignore[no-untyped-def]
         ax, ay, az = points[a, 0] - ox, points[a, 1] - oy, points[a, 2] - oz
         bx, by, bz = points[b, 0] - ox, points[b, 1] - oy, points[b, 2] - oz
         cx, cy, cz = points[c, 0] - ox, points[c, 1] - oy, points[c, 2] - oz
-        fill_row(star[size], ax, ay, az, bx, by, bz, cx, cy, cz)
+        set_column(star, size, ax, ay, az, bx, by, bz, cx, cy, cz)
         size += 1
     return size
 
@@ -129,8 +138,8 @@ def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-
     """Try to improve one vertex; True if it moved."""
     points = state.points
     size = _gather(points, p, v, star)
-    before = row_energy(star, size, 0.0, 0.0, 0.0, half_power, np.inf)
-    derivatives = row_derivatives(star, size, half_power)
+    before = energy(star, size, 0.0, 0.0, 0.0, half_power, np.inf)
+    slopes = derivatives(star, size, half_power)
     ox, oy, oz = points[v]
     place = state.place[v]
     sliding = p.freedom[v] == SLIDING
@@ -138,9 +147,9 @@ def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-
     if sliding:
         nx, ny, nz = triangle_normal(tree.corners[place])
         lowest = min(_MIN_FACE_COSINE, _lowest_cosine(points, p, v, ox, oy, oz, nx, ny, nz))
-        sx, sy, sz = tangent_step(derivatives, nx, ny, nz)
+        sx, sy, sz = tangent_step(slopes, nx, ny, nz)
     else:
-        sx, sy, sz = newton_step(derivatives)
+        sx, sy, sz = newton_step(slopes)
     scale = 1.0
     for _ in range(_BACKTRACKS):
         x, y, z = scale * sx, scale * sy, scale * sz
@@ -148,7 +157,7 @@ def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-
         if sliding:
             px, py, pz, place, _, _, _ = closest_point(tree, ox + x, oy + y, oz + z, state.place[v])
             x, y, z = px - ox, py - oy, pz - oz
-        if not row_energy(star, size, x, y, z, half_power, cap) < before * (1 - _MIN_GAIN):
+        if not energy(star, size, x, y, z, half_power, cap) < before * (1 - _MIN_GAIN):
             continue
         if sliding:
             mx, my, mz = triangle_normal(tree.corners[place])
@@ -161,36 +170,40 @@ def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-
             points[v, 0], points[v, 1], points[v, 2] = ox + x, oy + y, oz + z
         first = p.offsets[v]
         for i in range(size):
-            state.mu2[p.around[first + i]] = row_mu2(star[i], x, y, z)
+            state.mu2[p.around[first + i]] = star[MU2 + i]
         return True
     return False
 
 
-@numba.njit(parallel=True, cache=True, error_model="numpy")
-def _choose(wanted, state, patches, threshold):  # type: ignore[no-untyped-def]
-    """Set `wanted` for the stale vertices of the tetrahedra with mu^2 above `threshold`."""
-    for run in numba.prange((len(wanted) + _RUN - 1) // _RUN):
-        _choose_run(run, wanted, State(*state), Patches(*patches), threshold)
-
-
 @numba.njit(cache=True, error_model="numpy")
-def _choose_run(run, wanted, state, p, threshold):  # type: ignore[no-untyped-def]
-    for v in range(run * _RUN, min(len(wanted), (run + 1) * _RUN)):
-        wanted[v] = False
-        if state.stale[v] and p.freedom[v] != FIXED:
-            for i in range(p.offsets[v], p.offsets[v + 1]):
-                if state.mu2[p.around[i]] > threshold:
-                    wanted[v] = True
-                    break
+def _choose(wanted, state, p, threshold):  # type: ignore[no-untyped-def]
+    """Set `wanted` for the stale vertices of the tetrahedra with mu^2 above `threshold`."""
+    wanted[:] = False
+    for e in range(len(state.mu2)):
+        if state.mu2[e] > threshold:
+            for k in range(4):
+                v = p.cells[e, k]
+                wanted[v] = state.stale[v] and p.freedom[v] != FIXED
 
 
 @numba.njit(parallel=True, cache=True, error_model="numpy")
-def _visit(wanted, state, patches, tree, runs, half_power, cap):  # type: ignore[no-untyped-def]
-    """Visit the wanted and stale vertices of runs that share no tetrahedron once; return the number of moves."""
-    moved = 0
-    for i in numba.prange(len(runs)):
-        moved += _visit_run(runs[i], wanted, State(*state), Patches(*patches), SurfaceTree(*tree), half_power, cap)
-    return moved
+def _sweep(state, patches, tree, runs, starts, half_power, threshold, cap, most):  # type: ignore[no-untyped-def]
+    """Visit the stale vertices of tetrahedra with mu^2 above `threshold`, `most` times or until none moves.
+
+    Runs of one colour, which share no tetrahedron, are visited at the same time. Returns the number of sweeps.
+    """
+    wanted = np.empty(len(state[0]), np.bool_)
+    for sweep in range(most):
+        _choose(wanted, State(*state), Patches(*patches), threshold)
+        moved = 0
+        for colour in range(len(starts) - 1):
+            for i in numba.prange(starts[colour], starts[colour + 1]):
+                moved += _visit_run(
+                    runs[i], wanted, State(*state), Patches(*patches), SurfaceTree(*tree), half_power, cap
+                )
+        if moved == 0:
+            return sweep + 1
+    return most
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -199,7 +212,7 @@ def _visit_run(run, wanted, state, p, tree, half_power, cap):  # type: ignore[no
 
     No tetrahedron rises above `cap`, or above the worst around its vertex if higher. Returns the number of moves.
     """
-    star = np.empty((p.widest[0], 8))
+    star = empty_star()
     moved = 0
     for v in range(run * _RUN, min(len(wanted), (run + 1) * _RUN)):
         if not (wanted[v] and state.stale[v]):
@@ -216,10 +229,10 @@ def _visit_run(run, wanted, state, p, tree, half_power, cap):  # type: ignore[no
     return moved
 
 
-def _colours(patches: Patches) -> list[NDArray[np.int64]]:
-    """Runs of each colour: no tetrahedron has vertices in two runs of one colour."""
+def _colours(patches: Patches) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Runs by colour: no tetrahedron has vertices in two runs of one colour; and where each colour begins."""
     colour = _coloured(patches.cells, patches.offsets, patches.around)
-    return [np.flatnonzero(colour == number) for number in range(colour.max() + 1)]
+    return np.argsort(colour, kind="stable"), np.r_[0, np.cumsum(np.bincount(colour))]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -295,8 +308,8 @@ def move_vertices(
     mu2 = np.asarray(mu2_of(quality(points, mesh.cells)))
     state = State(points, mu2, place, np.empty(count, np.bool_))
     _locate(points, tuple(tree), freedom, state.place)
-    colours = _colours(patches)
-    done = tuple(_run(aim, state, patches, tree, colours) for aim in passes)
+    runs, starts = _colours(patches)
+    done = tuple(_run(aim, state, patches, tree, runs, starts) for aim in passes)
     return replace(mesh, points=state.points), done
 
 
@@ -313,39 +326,26 @@ def interface_places(mesh: TetMesh, tree: SurfaceTree) -> IntArray:
 def _patches(mesh: TetMesh, freedom: np.ndarray, faces: IntArray) -> Patches:
     """The neighbourhood of each vertex; `faces` (k, 3) are those that lie on surfaces."""
     tets = topology.incidence(mesh.cells, len(mesh.points))
+    freedom = np.where(np.diff(tets.offsets) > WIDE, FIXED, freedom).astype(np.int8)
     fans = topology.incidence(faces, len(mesh.points))
     turn = (fans.corners[:, None] + np.array([1, 2])) % 3
     rims = np.ascontiguousarray(faces[fans.cells[:, None], turn])
-    widest = np.diff(tets.offsets).max(keepdims=True)
-    return Patches(mesh.cells, tets.offsets, tets.cells, tets.corners, fans.offsets, rims, freedom, widest)
-
-
-def _sweep(
-    state: State,
-    patches: Patches,
-    tree: SurfaceTree,
-    colours: Sequence[NDArray[np.int64]],
-    half_power: int,
-    threshold: float,
-    cap: float,
-) -> int:
-    """Visit the stale vertices of tetrahedra with mu^2 above `threshold` once; return the number of moves."""
-    wanted = np.empty(len(state.points), np.bool_)
-    _choose(wanted, tuple(state), tuple(patches), threshold)
-    return sum(_visit(wanted, tuple(state), tuple(patches), tuple(tree), runs, half_power, cap) for runs in colours)
+    return Patches(mesh.cells, tets.offsets, tets.cells, tets.corners, fans.offsets, rims, freedom)
 
 
 def _run(
-    aim: Pass, state: State, patches: Patches, tree: SurfaceTree, colours: Sequence[NDArray[np.int64]]
+    aim: Pass,
+    state: State,
+    patches: Patches,
+    tree: SurfaceTree,
+    runs: NDArray[np.int64],
+    starts: NDArray[np.int64],
 ) -> PassReport:
     """Sweep until nothing moves any more or `aim.sweeps` are done. Changes `state`."""
     state.stale[:] = True
     threshold = float(mu2_of(aim.threshold)) if aim.threshold > 0 else 0.0
     cap = float(mu2_of(aim.keep)) if aim.keep < 1 else np.inf
-    sweeps, moved = 0, 1
-    while moved and sweeps < aim.sweeps:
-        moved = _sweep(state, patches, tree, colours, aim.power // 2, threshold, cap)
-        sweeps += 1
+    sweeps = _sweep(tuple(state), tuple(patches), tuple(tree), runs, starts, aim.power // 2, threshold, cap, aim.sweeps)
     q = q_of(state.mu2)
     logger.info("vertices with q > %g, p = %d: %d sweeps, q mean %.4f, max %.4f", *aim[:2], sweeps, q.mean(), q.max())
     return PassReport(aim.threshold, aim.power, sweeps, float(q.mean()), float(q.max()))

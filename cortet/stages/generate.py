@@ -14,7 +14,7 @@ from cortet.meshers._sizes import require_sizes
 from cortet.meshers.mesher import Attempt, Facts, Refinement
 from cortet.meshes import FloatArray, TetMesh, TriSurface
 
-VERSION: int = 13
+VERSION: int = 14
 
 
 @dataclass(frozen=True)

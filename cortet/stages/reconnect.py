@@ -16,7 +16,7 @@ from cortet.meshes import TetMesh, TriSurface
 from cortet.optimise.reconnection import reconnected
 from cortet.optimise.soundness import require_sound
 
-VERSION: int = 14
+VERSION: int = 15
 
 
 @dataclass(frozen=True)

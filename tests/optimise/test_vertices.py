@@ -11,7 +11,7 @@ from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import TetMesh
 from cortet.optimise import vertices
-from cortet.optimise.star import newton_step, row_derivatives, row_energy, tangent_step
+from cortet.optimise.star import derivatives, empty_star, energy, newton_step, tangent_step
 from cortet.optimise.vertices import FREE, Pass, move_vertices
 
 SPHERE = ball_surface(2, 1.0)
@@ -26,7 +26,7 @@ def mesh() -> TetMesh:
 
 def star_of(mesh: TetMesh, v: int):
     around = vertices._patches(mesh, np.full(len(mesh.points), FREE, np.int8), topology.boundary_faces(mesh))
-    star = np.empty((64, 8))
+    star = empty_star()
     return star, vertices._gather(mesh.points, around, v, star)
 
 
@@ -47,10 +47,11 @@ def test_energy_and_gradient_agree_with_the_definition_of_q(mesh, power):
         return ((1 - q) ** -power).sum()
 
     offset = np.array([0.01, -0.02, 0.005])
-    assert row_energy(star, size, *offset, power // 2, np.inf) == pytest.approx(defined(offset), rel=1e-12)
+    assert energy(star, size, *offset, power // 2, np.inf) == pytest.approx(defined(offset), rel=1e-12)
     step = 1e-6
     differences = [(defined(step * e) - defined(-step * e)) / (2 * step) for e in np.eye(3)]
-    assert row_derivatives(star, size, power // 2)[:3] == pytest.approx(differences, rel=1e-5)
+    energy(star, size, 0.0, 0.0, 0.0, power // 2, np.inf)
+    assert derivatives(star, size, power // 2)[:3] == pytest.approx(differences, rel=1e-5)
 
 
 def test_newton_steps_solve_the_system_in_space_and_in_the_plane():

@@ -91,7 +91,7 @@ def test_a_lattice_fills_a_ball_with_better_tetrahedra_and_keeps_its_boundary_on
     tree = surface_tree(ball.points, ball.faces)
     assert closest_points(tree, mesh.points[np.unique(boundary_faces(mesh))]).distances.max() < 1e-12
     radii = circumradii(mesh.points, mesh.cells) / 0.8
-    assert 0.8 < np.median(radii) < 0.9 and np.quantile(radii, 0.98) < 1.0 and radii.max() < 1.3, "cell size"
+    assert 0.8 < np.median(radii) < 0.9 and np.quantile(radii, 0.98) < 1.02 and radii.max() < 1.3, "cell size"
 
 
 def test_a_coarser_core_leaves_the_cortex_as_fine():
