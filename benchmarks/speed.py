@@ -1,14 +1,15 @@
 """How fast is the line from surface to certificate, where does its time go, and what became slower?
 
     python benchmarks/speed.py SURFACE... [--cell-sizes 1.0 0.8] [--chains published cgal default default:tetgen]
-                               [--threads 1 2] [--profile]
+                               [--threads 1 2] [--inside WHITE] [--profile]
     python benchmarks/speed.py slower [COMMIT] [--runs 3] [--cell-size 1.2] [--limit 1.2]
 
 A chain is a setting, and after colons what differs from it: another mesher, or keys, as in
 `default:reconnect.threshold=0.28` or `default:generate.core_ratio=2`. Each runs in a process of its own with kernels
 compiled, on surfaces that are not smoothed. CPU seconds are those of all threads; other work on the machine changes
 them least. Prints a row per stage, then one per mesh, with a hash of its nodes and tetrahedra, and where a chain ran on
-several meshes, how its time grows with their size. A profile lists the slowest functions of a chain.
+several meshes, how its time grows with their size. With a surface `--inside` the given one, the mean q of the region
+between them has a column of its own. A profile lists the slowest functions of a chain.
 
 `slower` measures this checkout and a copy of COMMIT by turns, in CPU seconds: every stage of the line on a phantom, a
 week of folding on its mesh, writing and reading it in each format, and a case of the workflow from the sheet to its
@@ -33,19 +34,22 @@ from pathlib import Path
 from typing import Any
 
 import numba
+import numpy as np
 from _frame import ROOT, Row, Table, alone, command, config_of, mesh, name_of, print_power
 
 from cortet.errors import CortetError
 from cortet.formats.gifti import read_surface
+from cortet.geometry.nesting import nested
 from cortet.measure.quality import circumradii, edge_lengths, quality
-from cortet.meshes import TetMesh
+from cortet.meshes import REGION, TetMesh
 from cortet.pipeline import Step
 
 OF_CHAIN = ("surface", "h_mm", "chain", "threads")
 STAGE_COLUMNS = (*OF_CHAIN, "stage", "cpu_seconds", "wall_seconds", "tets", "q_mean", "q_max", "above_0.3", "above_0.6")
 MESH_COLUMNS = (
-    *(*OF_CHAIN, "tets", "q_mean", "q_max", "above_0.3", "valence_bound"),
-    *("circumradius_mean_h", "circumradius_max_h", "edge_mean_h", "cpu_seconds", "wall_seconds", "tets_per_cpu_second"),
+    *(*OF_CHAIN, "tets", "q_mean", "q_mean_outermost", "q_max", "above_0.3", "above_0.3005", "valence_bound"),
+    *("circumradius_mean_h", "circumradius_max_h", "edge_mean_h", "cpu_seconds", "wall_seconds"),
+    *("cpu_seconds_per_million_tets", "tets_per_cpu_second"),
     *("MB_per_million_tets", "dihedral_min_deg", "dihedral_max_deg", "nodes_to_surface_max_mm"),
     *("surface_to_boundary_mean_mm", "surface_to_boundary_max_mm"),
     *("volume_change", "euler", "certified", "sha256", "why_not"),
@@ -58,6 +62,7 @@ def chains(
     cell_sizes: Sequence[float] = (1.0,),
     chains: Sequence[str] = ("published", "cgal", "default"),
     threads: Sequence[int] = (1,),
+    inside: Path | None = None,
     profile: bool = False,
 ) -> None:
     """Run every chain on every surface at every cell size."""
@@ -65,7 +70,7 @@ def chains(
     table = Table(*STAGE_COLUMNS)
     for file, h, chain, count in product(surfaces, cell_sizes, chains, threads):
         of_chain = {"surface": name_of(file), "h_mm": h, "chain": chain, "threads": count}
-        rows.append({**of_chain, **alone(run_chain, file, h, chain, count, profile)})
+        rows.append({**of_chain, **alone(run_chain, file, h, chain, count, inside, profile)})
         for stage in rows[-1].get("stages", ()):
             table.add(of_chain, stage)
     print()
@@ -76,7 +81,7 @@ def chains(
         print_power(chain, (row for row in rows if row["chain"] == chain))
 
 
-def run_chain(file: Path, cell_size: float, chain: str, threads: int, profile: bool) -> Row:
+def run_chain(file: Path, cell_size: float, chain: str, threads: int, inside: Path | None, profile: bool) -> Row:
     """Run one chain in this process; the row of its mesh, and those of its stages."""
     numba.set_num_threads(threads)
     stages: list[Row] = []
@@ -88,8 +93,11 @@ def run_chain(file: Path, cell_size: float, chain: str, threads: int, profile: b
         if profile:  # what came before compiled, and what follows certifies
             profiler.enable() if step.stage != "solver_ready" else profiler.disable()
 
+    surface = read_surface(file)
+    if inside:
+        surface = nested(surface, {"inside": read_surface(inside)})
     try:
-        done = mesh(read_surface(file), config_of(cell_size, *changes, setting=setting), say)
+        done = mesh(surface, config_of(cell_size, *changes, setting=setting), say)
     except CortetError as error:
         return {"stages": stages, "certified": False, "why_not": str(error)}
     if profile:
@@ -110,18 +118,23 @@ def of_stage(step: Step) -> dict[str, Any]:
 def of_mesh(mesh: TetMesh, verdict: Any, used: Row, cell_size: float) -> dict[str, Any]:
     """What a chain took, and what its certificate says."""
     cells, radii = len(mesh.cells), circumradii(mesh.points, mesh.cells) / cell_size
+    q = quality(mesh.points, mesh.cells)
+    outermost = np.asarray(mesh.cell_data.get(REGION, np.ones(cells))) == 1
     fidelity = verdict.fidelity
     return {
         "cpu_seconds": used["cpu_seconds"],
         "wall_seconds": used["wall_seconds"],
         "tets": cells,
         "q_mean": verdict.quality.q.mean,
+        "q_mean_outermost": q[outermost].mean(),
         "q_max": verdict.quality.q.max,
         "above_0.3": verdict.quality.count_above["0.3"],
+        "above_0.3005": int((q > 0.3005).sum()),
         "valence_bound": verdict.valence_bound.q,
         "circumradius_mean_h": radii.mean(),
         "circumradius_max_h": radii.max(),
         "edge_mean_h": edge_lengths(mesh.points, mesh.cells).mean() / cell_size,
+        "cpu_seconds_per_million_tets": used["cpu_seconds"] / cells * 1e6,
         "tets_per_cpu_second": cells / used["cpu_seconds"],
         "MB_per_million_tets": used["peak_MB"] / cells * 1e6,
         "dihedral_min_deg": verdict.quality.dihedral_min_deg,

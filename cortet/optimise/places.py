@@ -17,7 +17,7 @@ from cortet.measure.quality import quality
 from cortet.meshes import FloatArray, IntArray, TetMesh
 
 #: layers of tetrahedra around the worst ones that belong to a place
-RINGS = 4
+_RINGS = 4
 #: fields of a part: the number of each node in the whole mesh, and the number of each tetrahedron's place
 _NODE, _PLACE = "node of the whole", "place"
 
@@ -33,10 +33,10 @@ class Part(NamedTuple):
     taken: NDArray[np.bool_]
 
 
-def cut_out(mesh: TetMesh, seeds: NDArray[np.bool_], rings: int = RINGS) -> Part:
-    """Cut out the places around the tetrahedra `seeds` (m,), with so many `rings` of tetrahedra around them."""
+def cut_out(mesh: TetMesh, seeds: NDArray[np.bool_]) -> Part:
+    """Cut out the places around the tetrahedra `seeds` (m,)."""
     taken: NDArray[np.bool_] = seeds
-    for _ in range(rings):
+    for _ in range(_RINGS):
         near = np.zeros(len(mesh.points), np.bool_)
         near[mesh.cells[taken]] = True
         taken = np.asarray(near[mesh.cells].any(axis=1))

@@ -308,7 +308,8 @@ def _improved(
         if number > 1 and made < _FEW * len(mesh.cells):
             break
         powers = _FIRST_POWERS if number == 1 else _FIRST_POWERS[-1:]
-        aims = [Pass(_GIVING_WAY * threshold, power, _SWEEPS) for power in powers]
+        share = _GIVING_WAY if mean else 1.0  # it costs mean
+        aims = [Pass(share * threshold, power, _SWEEPS) for power in powers]
         mesh, _ = move_vertices(mesh, tree, aims, boundary=boundary, held=held)
     if mean:
         mesh, _ = move_vertices(mesh, tree, _mean_moves(threshold), boundary=boundary, held=held)
