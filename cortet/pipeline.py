@@ -13,7 +13,6 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from cortet.config import Config, load
-from cortet.formats.placement import placed
 from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate, certify
@@ -62,8 +61,8 @@ def run(state: State, config: Config, about: About) -> Iterator[Step]:
 
     Parameters
     ----------
-    state : the surface as read, with its inner surfaces by the names of the regions inside them, and its sphere if it
-        has one; coordinates may be non-finite if the line repairs
+    state : the surface, mm, with its inner surfaces by the names of the regions inside them, and its sphere if it has
+        one; coordinates may be non-finite if the line repairs
     config : of the line; the first of its cell sizes and meshers is used
     about : what else is known, but for what `config` says
 
@@ -85,11 +84,9 @@ def run(state: State, config: Config, about: About) -> Iterator[Step]:
     known = {
         "cell_size": config.generate.cell_size[0],
         "mesher": config.generate.meshers[0],
-        "to_mm": config.placement(),
         "inner": {name: about.inner.get(name, name) for name in inner},
     }
-    surface = placed(state.surface, config.placement())
-    state = replace(state, surface=nested(surface, surface.inner))
+    state = replace(state, surface=nested(state.surface, inner))
     line = stages_of(config, nested=bool(inner), registered=state.sphere is not None, aged=age is not None)
     yield from _through(line, state, config, about.model_copy(update=known))
 
@@ -124,9 +121,8 @@ def mesh_surface(
 
     Parameters are those of `run`. `case` is named in the certificate; `progress` is called after every stage.
     """
-    line, native = run(state, config, about), placed(state.surface, config.placement())
-    size = config.generate.cell_size[0]
-    return _certified(line, config, progress, cell_size=size, native=native, case=case, source=about.source)
+    line, size = run(state, config, about), config.generate.cell_size[0]
+    return _certified(line, config, progress, cell_size=size, native=state.surface, case=case, source=about.source)
 
 
 def _certified(

@@ -50,8 +50,8 @@ def told_at_start():
         )
     if others := made_otherwise(PLAN):
         told.append(
-            f"meshes with other settings or surfaces than the present ones: {sum(others.values())}. "
-            f"If this run does not remake them: `snakemake --forcerun {' '.join(others)}`"
+            f"meshes with other settings, surfaces or versions than the present ones: {sum(others.values())}. "
+            f"If this run has no jobs for them, `snakemake --forcerun {' '.join(others)}` remakes them"
         )
     return told
 

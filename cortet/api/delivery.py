@@ -5,19 +5,22 @@ A rule of the workflow writes one of these files, by the same functions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import asdict, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
+from cortet.config import Config
 from cortet.formats import format_of
 from cortet.formats.atomic import recorded
 from cortet.formats.ownership import delete_made, files_of, is_ours, json_of, may_write
 from cortet.formats.tables import write_table
-from cortet.formats.volumes import TISSUE_COLUMNS
-from cortet.meshes import region_names
+from cortet.formats.volumes import TISSUE_COLUMNS, Volume
+from cortet.measure.certify import Certificate
+from cortet.meshes import TetMesh, TriSurface, region_names
 from cortet.solver_files.export import export_made
 from cortet.solver_files.meshed import (
+    Origin,
     certificate_path,
     meshed_files,
     require_own_stem,
@@ -27,8 +30,26 @@ from cortet.solver_files.meshed import (
 from cortet.solver_files.sidecar import sidecar_path
 from cortet.solver_files.volumes import label_names
 
-if TYPE_CHECKING:
-    from cortet.api.meshing import Mesh
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """A mesh, and all that is written of it."""
+
+    mesh: TetMesh
+    certificate: Certificate
+    #: the surface that was meshed: the given one, repaired and smoothed
+    surface: TriSurface
+    #: where it comes from, as far as that is known: files, gestational age, hemisphere
+    origin: Origin = field(default_factory=Origin)
+    config: Config = field(default_factory=Config)
+    #: files that it was made from; they are never overwritten
+    inputs: tuple[Path, ...] = ()
+    #: a row for each label of each volume, as `formats.volumes.TISSUE_COLUMNS`
+    tissue_rows: tuple[Mapping[str, Any], ...] = ()
+    #: its volumes, as they were read
+    volumes: Mapping[str, Volume] = field(default_factory=dict)
+    #: region -> surface that was given, in mm, the outermost first
+    native: Mapping[str, TriSurface] = field(default_factory=dict)
 
 
 class Files(NamedTuple):
@@ -61,7 +82,7 @@ def files(path: Path, inner: Iterable[str], *, certified: bool, volumes: bool) -
 
 
 def deliver(
-    made: Mesh,
+    made: Made,
     path: Path,
     *,
     force: bool = False,
@@ -83,7 +104,7 @@ def deliver(
     What the format cannot hold, in words.
     """
     config, origin, certificate = made.config, made.origin, asdict(made.certificate)
-    out = files(path, made.surface.inner, certified=made.certified, volumes=bool(made.tissue_rows))
+    out = files(path, made.surface.inner, certified=made.certificate.certified, volumes=bool(made.tissue_rows))
     if not force:
         size, digest = config.generate.cell_size[0], made.certificate.mesh_sha256
         require_own_stem(out.mesh, origin.given, cell_size=size, mesh_sha256=digest)
@@ -92,7 +113,7 @@ def deliver(
     told: list[str] = []
 
     def write_mesh(folder: Path) -> None:
-        if not (made.certified or uncertified):
+        if not (made.certificate.certified or uncertified):
             return
         told.extend(
             export_made(
@@ -115,7 +136,7 @@ def deliver(
         if out.tissues:
             write_table(TISSUE_COLUMNS, made.tissue_rows, temporary(out.tissues))
         views(temporary)
-    if made.certified:
+    if made.certificate.certified:
         _delete_failed(uncertified_path(path))
     return told
 

@@ -7,7 +7,7 @@ import json
 import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cortet.api.delivery import deliver, file_of
+from cortet.api.delivery import Made, deliver, file_of
 from cortet.api.given import (
     Settings,
     SurfaceLike,
@@ -28,7 +28,7 @@ from cortet.api.given import (
     surface,
     values_of,
 )
-from cortet.config import Config, load
+from cortet.config import load
 from cortet.errors import InputError
 from cortet.formats import format_of, read_mesh
 from cortet.formats.gifti import hemisphere_of, kind_of
@@ -42,7 +42,7 @@ from cortet.geometry.interpolation import applied
 from cortet.geometry.kernel_cache import require_threads
 from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested, sheets
-from cortet.measure.certify import Certificate, with_remarks
+from cortet.measure.certify import with_remarks
 from cortet.measure.layers import require_layers
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, region_names, require_measurable
@@ -68,25 +68,9 @@ if TYPE_CHECKING:
 _PICTURE = (640, 480)
 
 
-@dataclass(frozen=True, eq=False)
-class Mesh:
+@dataclass(frozen=True, eq=False, repr=False)
+class Mesh(Made):
     """A mesh with its certificate and the surface that was meshed."""
-
-    mesh: TetMesh
-    certificate: Certificate
-    #: the surface that was meshed: the given one, repaired and smoothed
-    surface: TriSurface
-    #: where it comes from, as far as that is known: files, gestational age, hemisphere
-    origin: Origin = field(default_factory=Origin)
-    config: Config = field(default_factory=Config)
-    #: files that it was made from; they are never overwritten
-    inputs: tuple[Path, ...] = ()
-    #: a row for each label of each volume, as `formats.volumes.TISSUE_COLUMNS`
-    tissue_rows: tuple[Mapping[str, Any], ...] = ()
-    #: its volumes, as they were read
-    volumes: Mapping[str, Volume] = field(default_factory=dict)
-    #: region -> surface that was given, in mm, the outermost first
-    native: Mapping[str, TriSurface] = field(default_factory=dict)
 
     @property
     def ga(self) -> float | None:
@@ -431,11 +415,12 @@ def mesh(
         kind=kind_of(source) if source else None,
     )
     made = mesh_surface(
-        State(whole, None if sphere is None else surface(sphere)),
+        State(in_mm, None if sphere is None else surface(sphere)),
         config,
         About(
             gestational_age=origin.age,
             hemi=origin.hemisphere,
+            to_mm=config.placement(),
             source=None if source is None else str(source),
             sphere_file=str(sphere) if _file(sphere) else None,
             inner={name: str(file) for name, file in inner_files.items()},

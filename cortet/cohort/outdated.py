@@ -55,9 +55,7 @@ def set_aside(states: States, *, dropped: bool = False) -> list[str]:
             move(case, f"{failure['stage']} failed", entries)
         others = [path for path in plan.other_exports(mesh) if _is_of_another_mesh(path, certificate)]
         move(case, "it now has another mesh", _with_companions(others))
-        # earlier versions gave the mesh of the last stage, certified or not, the name of a result
-        of_stage = certificate.with_name(certificate.name.replace(CERTIFICATE, "Solver_tetmesh.vtu"))
-        move(case, "a mesh of the last stage has another name now", [of_stage] if of_stage.exists() else [])
+        move(case, "the last stage names its mesh Ordered_tetmesh.vtu now", _named_as_results(certificate))
     excluded = {case.name for case in plan.sheet if not case.include}
     for name, folder in _without_row(plan):
         if dropped or name in excluded:
@@ -79,6 +77,15 @@ def _made_with(certificate: Path) -> list[Path]:
     folder, stem = certificate.parents[1], certificate.name.removesuffix(CERTIFICATE)
     found = [path for label in ("Ordered", "Solver", "Folded") for path in folder.glob(f"*/{stem}{label}*")]
     return [] if all(path.name.endswith(_OF_FAILURE) for path in found) else found
+
+
+def _named_as_results(certificate: Path) -> list[Path]:
+    """Files of the last stage by an earlier version, which gave each mesh the name of a result, if it has run again."""
+    ends = ("tetmesh.vtu", "tetmesh.json", "quality.json")
+    stem = certificate.name.removesuffix(CERTIFICATE)
+    if not certificate.with_name(f"{stem}Ordered_tetmesh.vtu").exists():
+        return []
+    return [path for end in ends if (path := certificate.with_name(f"{stem}Solver_{end}")).exists()]
 
 
 def _with_companions(files: Iterable[Path]) -> list[Path]:

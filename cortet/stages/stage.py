@@ -95,8 +95,10 @@ class Stage:
     label: str
     function: Callable[[State, Config, About], Result]
     gives: Literal["surface", "mesh"]
-    #: what it reads of the configuration: its section, then `section.key` of others. It sees nothing else
-    settings: tuple[str, ...]
+    #: its section of the configuration, if it is not its own; it then runs even if that is off
+    section: str = ""
+    #: what it reads of other sections, `section.key`; it sees nothing else of the configuration
+    settings: tuple[str, ...] = ()
     #: likewise, where there are inner surfaces
     settings_of_nested: tuple[str, ...] = ()
     #: what it reads of `About`, besides names of files
@@ -113,19 +115,19 @@ class Stage:
 
     def section_of(self, config: Config) -> Section:
         """Its section of a configuration."""
-        section: Section = getattr(config, self.settings[0])
+        section: Section = getattr(config, self.section or self.name)
         return section
 
     def is_on(self, config: Config, *, aged: bool = True) -> bool:
-        """Whether the configuration asks for it. One that has no section of its own is always on."""
-        return self.settings[0] != self.name or self.section_of(config).runs(aged=aged)
+        """Whether the configuration asks for it."""
+        return bool(self.section) or self.section_of(config).runs(aged=aged)
 
     def settings_of(self, config: Config, about: About) -> dict[str, Values]:
         """What it reads of a configuration: section -> key -> plain value."""
         ignored = MESHERS[about.mesher].ignores if self.name == "generate" and about.mesher else ()
         own = {key: value for key, value in self.section_of(config).values().items() if key not in ignored}
-        found: dict[str, Values] = {self.settings[0]: own}
-        for name in (*self.settings[1:], *(self.settings_of_nested if about.inner else ())):
+        found: dict[str, Values] = {self.section or self.name: own}
+        for name in (*self.settings, *(self.settings_of_nested if about.inner else ())):
             section, key = name.split(".")
             found[section] = {key: getattr(getattr(config, section), key)}
         return found

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from shapes import ball_surface, real_surface
 
+import cortet
 from cortet.config import load
 from cortet.formats.gifti import write_surface
 from cortet.geometry.nesting import nested
@@ -109,7 +110,7 @@ def test_inner_surfaces_are_repaired_too(ball):
 
 def test_the_native_surface_is_compared_in_mm_whatever_the_unit(ball):
     metres = replace(ball, points=ball.points / 1000)
-    made = mesh_surface(State(metres), load({**FAST, "gate": {"unit": "m"}}))
+    made = cortet.mesh((metres.points, metres.faces), settings={**FAST, "gate": {"unit": "m"}}, progress=False)
     assert made.certificate.native is not None
     assert made.certificate.native.native_to_boundary_mm.max < 5.0
     assert abs(made.certificate.native.relative_area_change) < 0.05
