@@ -65,7 +65,7 @@ from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound
 from cortet.meshes import FloatArray, TetMesh, TriSurface, require_measurable
 from cortet.version import __version__
 
-VERSION: int = 13
+VERSION: int = 14
 
 #: of the content of certificate.json; raised where a key changes its name or meaning
 SCHEMA = 2

@@ -20,7 +20,7 @@ from cortet.report.figures import PAGE, Q_AXIS, H, drawn, letter, save
 from cortet.report.records import read_certificate
 from cortet.report.render import BEYOND, COLOURS, RANGE, lateral_view
 
-VERSION: int = 8
+VERSION: int = 9
 
 #: hemisphere -> its name, in the order of the rows
 _HEMISPHERES = {"L": "left", "R": "right", "n/a": "whole brain"}

@@ -23,7 +23,7 @@ from cortet.measure.quality import quality
 from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface
 from cortet.report.colours import REGION_COLOURS
 
-VERSION: int = 6
+VERSION: int = 7
 
 #: colours that colour-blind readers tell apart; worse elements are darker
 COLOURS = "viridis_r"
@@ -137,7 +137,7 @@ def _frame(
         "\n".join(filter(None, lines)),
         position=(0.5 + right * height / width, 0.49 + above),
         viewport=True,
-        font_size=max(height // 100, 5),
+        font_size=max(height // 80, 5),
         font_file=font,
         color=_INK,
     )

@@ -30,7 +30,7 @@ from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, si
 from cortet.stages.gate import require_size
 from cortet.stages.solver_ready import surface_nodes_first
 
-VERSION: int = 8
+VERSION: int = 9
 
 
 def with_sets(
