@@ -52,4 +52,4 @@ def test_a_shrunken_mesh_is_refused_for_its_area_and_volume():
     mesh = ball_mesh(3, radius=9.0)
     checked = certify(mesh, ball_surface(3, radius=10.0), Certify(q_max=0.9999, max_boundary_distance=None))
     area, volume = checked.reasons
-    assert "area" in area and "volume 0.271" in volume
+    assert "area" in area and "volume: 0.271" in volume
