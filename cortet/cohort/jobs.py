@@ -91,28 +91,24 @@ class Jobs:
         return {**done, "certify": certify_record(self.inputs.setting(job), int(job["res"]) / 1000)}
 
     def made_from(self, rule: str, job: Wildcards) -> str:
-        """SHA-256 of what a job on a case depends on, or more; a failure of another one does not count.
+        """SHA-256 of what a job on a case depends on, or more: a failure of a job with another one does not count.
 
-        A job of a stage depends on that stage and those before it, any other one on all of them and on what comes after
-        them. Names of files decide nothing.
+        A job of a stage depends on that stage and those before it, any other job on all of them, and on what follows
+        them. Names of files decide nothing. Empty for an inner surface that the case no longer has.
         """
         case, inner = self.sources.case(job), inner_of(job)
         if inner and inner not in case.inner:
             return ""
-        about, line = self.about(job), self.inputs.line(job)
+        line, more = self.inputs.line(job), list[object]()
         names = [stage.name for stage in line]
-        before = line[: names.index(rule) + 1] if rule in names else line
-        of_case = [case.extra, sorted(case.fields), sorted(case.volumes)]
-        after = (
-            []
-            if rule in names
-            else [self.plan.config.export.values(), self.plan.config.fold.model_dump(mode="json"), of_case]
-        )
-        read = (
-            self.sources.paths(job) if rule in names else self.sources.all_paths(job) | self.sources.volume_paths(job)
-        )
-        done = [stage.record(self._config_of(stage, job), about) for stage in before]
-        told = json.dumps([rule, done, content(read), after], default=str)
+        if rule in names:
+            line, read = line[: names.index(rule) + 1], self.sources.paths(job)
+        else:
+            read = self.sources.all_paths(job) | self.sources.volume_paths(job)
+            more = [self.plan.config.export.values(), self.plan.config.fold.model_dump(mode="json")]
+            more += [case.extra, sorted(case.fields), sorted(case.volumes)]
+        done = [stage.record(self._config_of(stage, job), self.about(job)) for stage in line]
+        told = json.dumps([rule, done, content(read), *more], default=str)
         return hashlib.sha256(told.encode()).hexdigest()
 
     def _config_of(self, stage: Stage, job: Wildcards) -> Config:

@@ -326,6 +326,7 @@ def interface_places(mesh: TetMesh, tree: SurfaceTree) -> IntArray:
 def _patches(mesh: TetMesh, freedom: np.ndarray, faces: IntArray) -> Patches:
     """The neighbourhood of each vertex; `faces` (k, 3) are those that lie on surfaces."""
     tets = topology.incidence(mesh.cells, len(mesh.points))
+    # a mesh of another program may have a vertex with more tetrahedra than a star has room for
     freedom = np.where(np.diff(tets.offsets) > WIDE, FIXED, freedom).astype(np.int8)
     fans = topology.incidence(faces, len(mesh.points))
     turn = (fans.corners[:, None] + np.array([1, 2])) % 3
