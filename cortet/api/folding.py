@@ -179,26 +179,26 @@ def fold(
     if ga is None:
         raise InputError("the gestational age of the mesh is not known", remedy="give ga (--ga), in weeks")
     keeper = tempfile.TemporaryDirectory(prefix="cortet-fold-") if folder is None else None
-    place = Path(keeper.name if keeper else folder or "")
-    if place.exists() and not place.is_dir():
-        raise InputError("is a file", file=place, remedy="give the name of a folder")
+    target = Path(keeper.name if keeper else folder or "")
+    if target.exists() and not target.is_dir():
+        raise InputError("is a file", file=target, remedy="give the name of a folder")
     # a mesh in memory has no file of its native surface: its frames at these weeks are all that is written
-    home = _home(Path(made), mesh, place, chosen, ga) if chosen.surfaces and isinstance(made, str | Path) else None
+    home = _home(Path(made), mesh, target, chosen, ga) if chosen.surfaces and isinstance(made, str | Path) else None
     values = {**chosen.values(), "gestational_age": ga, "hemisphere": hemi}
     speak = progress if callable(progress) else per_percent(say)
     regions = (*values["core_regions"], *values["region_stiffness"], *values["region_relaxation"])
     if isinstance(made, Mesh) and any(isinstance(region, str) for region in regions):
         mesh = made.named()
     told = (speak, say) if progress else ()
-    verdict = folded(mesh, place, Settings(**values), *told)
-    table = read_tsv(place / TABLE).apply(pd.to_numeric, errors="coerce")
+    verdict = folded(mesh, target, Settings(**values), *told)
+    table = read_tsv(target / TABLE).apply(pd.to_numeric, errors="coerce")
     written: dict[float, dict[str, Path]] = {}
     if home is not None:
         found, like, weeks = home
         written = {week: files for week, files in weeks.items() if week <= verdict.gestational_age + SAME_AGE}
         for week, files in written.items():
-            write_surfaces(place, week, found, files, like=like, hemi=hemi)
-    return Folded(asdict(verdict), table, place, hemi, written, keeper)
+            write_surfaces(target, week, found, files, like=like, hemi=hemi)
+    return Folded(asdict(verdict), table, target, hemi, written, keeper)
 
 
 def _home(

@@ -108,8 +108,8 @@ def repair(
     may_write(record)
     given = with_fields(cortex(surface, finite=False), dict(field)) if field else surface
     made, done = cortet.repair(given, config or {})
-    with recorded(done, record) as place:
-        write_surface(made, place(output))
+    with recorded(done, record) as temporary:
+        write_surface(made, temporary(output))
     for step in done["steps"]:
         print(f"{step['count']} {step['done']}")
     if not done["repaired"]:

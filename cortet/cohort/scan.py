@@ -127,8 +127,8 @@ def _surfaces(directory: Path, patterns: Scan, say: Callable[[str], object]) -> 
     What is not taken is said.
     """
 
-    def rank(place: tuple[int, Path]) -> tuple[object, ...]:
-        number, path = place
+    def rank(candidate: tuple[int, Path]) -> tuple[object, ...]:
+        number, path = candidate
         no_pair = patterns.pial and not is_there(_pial_of(path))
         return bool(_template_of(path)), number, no_pair, path.name.count("_"), path
 
@@ -136,12 +136,14 @@ def _surfaces(directory: Path, patterns: Scan, say: Callable[[str], object]) -> 
         names = [path.relative_to(directory).as_posix() for path in paths[:_MOST_NAMES]]
         return ", ".join(names + [f"and {len(paths) - _MOST_NAMES} more"] * (len(paths) > _MOST_NAMES))
 
-    found = {key: sorted(places, key=rank) for key, places in _candidates(directory, patterns.surfaces, say).items()}
+    found = {
+        key: sorted(candidates, key=rank) for key, candidates in _candidates(directory, patterns.surfaces, say).items()
+    }
     examples = [key for key in found if key[0] == _EXAMPLE]
     if 0 < len(examples) < len(found):
         say(f"{_EXAMPLE} is left out: it is FreeSurfer's example subject")
-        found = {key: places for key, places in found.items() if key not in examples}
-    taken = {key: places[0][1] for key, places in found.items()}
+        found = {key: candidates for key, candidates in found.items() if key not in examples}
+    taken = {key: candidates[0][1] for key, candidates in found.items()}
     beside: list[Path] = []
     for (number, first), *others in found.values():
         alike = [path for other, path in others if other == number]
@@ -156,7 +158,7 @@ def _surfaces(directory: Path, patterns: Scan, say: Callable[[str], object]) -> 
         say(f"{words}; they do not have the subject's size and position")
     names = dict.fromkeys(_WHITE.sub("pial", pattern) for pattern in patterns.surfaces)
     pials = _candidates(directory, [name for name in names if name not in patterns.surfaces], lambda _: None)
-    left = sorted(min(places)[1] for key, places in pials.items() if key not in taken)
+    left = sorted(min(candidates)[1] for key, candidates in pials.items() if key not in taken)
     if taken and left:
         say(f"hemispheres left out because they have a pial surface but no white surface: {named(*left)}")
     if not taken:

@@ -21,8 +21,8 @@ def chosen(cases: Sequence[Case], which: Cases) -> list[Case]:
     if isinstance(which, int):
         by_age = sorted(cases, key=lambda case: (case.scan_age or 0, case.name))
         count = min(which, len(by_age))
-        places = [round(i * (len(by_age) - 1) / max(count - 1, 1)) for i in range(count)]
-        return [by_age[place] for place in places]
+        ranks = [round(i * (len(by_age) - 1) / max(count - 1, 1)) for i in range(count)]
+        return [by_age[rank] for rank in ranks]
     known = {case.name: case for case in cases}
     if unknown := [name for name in which if name not in known]:
         raise InputError(

@@ -32,7 +32,7 @@ class Work(NamedTuple):
     #: (n, 3) float64 mm
     points: FloatArray
     #: (n,) int32, triangle of the given surface (in tree order) that each vertex lies on
-    place: IntArray
+    on_triangle: IntArray
     #: (n,) float64 mm, target edge length
     size: FloatArray
     #: (n,) int32, a half-edge that leaves the vertex

@@ -130,19 +130,19 @@ def regions_of(points: FloatArray, cells: IntArray, walls: Sequence[TriSurface])
     facets = facets[len(walls[0].faces) :]
     keys = packed(np.concatenate([facets, faces]))
     order = np.argsort(keys[: len(facets)], kind="stable")
-    place = np.searchsorted(keys[: len(facets)], keys[len(facets) :], sorter=order)
-    place = order[np.minimum(place, len(facets) - 1)]
-    is_facet = keys[place] == keys[len(facets) :]
-    cell, corner, place = cell[is_facet], corner[is_facet], place[is_facet]
+    facet = np.searchsorted(keys[: len(facets)], keys[len(facets) :], sorter=order)
+    facet = order[np.minimum(facet, len(facets) - 1)]
+    is_facet = keys[facet] == keys[len(facets) :]
+    cell, corner, facet = cell[is_facet], corner[is_facet], facet[is_facet]
     parted = behind.copy()
     parted[cell, corner] = -1
     part = bodies(parted)
     # a body lies inside a surface where its tetrahedra are below the triangles
-    corners = points[facets[place]]
+    corners = points[facets[facet]]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     below = np.einsum("kj,kj->k", normal, points[cells[cell]].mean(axis=1) - corners.mean(axis=1)) < 0
     inside = np.zeros((part.max() + 1, len(walls)), np.int64)
-    np.add.at(inside, (part[cell], sheet_of_node[facets[place, 0]]), np.where(below, 1, -1))
+    np.add.at(inside, (part[cell], sheet_of_node[facets[facet, 0]]), np.where(below, 1, -1))
     label = np.where((inside > 0).any(axis=1), inside.argmax(axis=1), 0)
     if not np.array_equal(np.sort(label), np.arange(len(walls))):
         raise StageError(

@@ -273,7 +273,7 @@ def _begun(
     samples = np.concatenate([points, points[faces[of_face]].mean(axis=1)])
     work = Work(
         points=points,
-        place=in_tree[of_vertex],
+        on_triangle=in_tree[of_vertex],
         size=size.copy(),
         leaving=leaving,
         faces=faces,
@@ -313,7 +313,7 @@ def _with_room(work: Work) -> Work:
     half_edges.link(faces, opposite, leaving)
     return work._replace(
         points=_grown(work.points[live_vertex], n),
-        place=_grown(work.place[live_vertex], n),
+        on_triangle=_grown(work.on_triangle[live_vertex], n),
         size=_grown(work.size[live_vertex], n),
         leaving=_grown(leaving, n),
         faces=_grown(faces, m),

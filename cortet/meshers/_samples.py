@@ -73,8 +73,8 @@ def attach(w, s, olds, count, face_of):  # type: ignore[no-untyped-def]
 @numba.njit(cache=True, error_model="numpy")
 def onto_surface(tree, x, y, z, hint, nx, ny, nz):  # type: ignore[no-untyped-def]
     """Nearest point of the surface and its triangle; triangle -1 if the point is on the bank opposite to normal n."""
-    px, py, pz, place, _, _, _ = closest_point(tree, x, y, z, hint)
-    mx, my, mz = triangle_normal(tree.corners[place])
+    px, py, pz, on_triangle, _, _, _ = closest_point(tree, x, y, z, hint)
+    mx, my, mz = triangle_normal(tree.corners[on_triangle])
     if not nx * mx + ny * my + nz * mz > 0:
-        place = -1
-    return px, py, pz, place
+        on_triangle = -1
+    return px, py, pz, on_triangle

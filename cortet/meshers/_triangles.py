@@ -129,10 +129,10 @@ def split_long(w, tree, s, limits, longest, changed):  # type: ignore[no-untyped
         k = g // 3
         n, m = normal_of(w, f), normal_of(w, k)
         middle = 0.5 * (w.points[a] + w.points[b])
-        px, py, pz, place = onto_surface(
-            tree, middle[0], middle[1], middle[2], w.place[a], n[0] + m[0], n[1] + m[1], n[2] + m[2]
+        px, py, pz, on_triangle = onto_surface(
+            tree, middle[0], middle[1], middle[2], w.on_triangle[a], n[0] + m[0], n[1] + m[1], n[2] + m[2]
         )
-        if place < 0:
+        if on_triangle < 0:
             continue
         c, d = origin_of(w, previous_of(h)), origin_of(w, previous_of(g))
         s.old[0], s.old[1] = f, k
@@ -155,7 +155,7 @@ def split_long(w, tree, s, limits, longest, changed):  # type: ignore[no-untyped
         w.used[0] += 1
         w.used[1] += 2
         w.points[v, 0], w.points[v, 1], w.points[v, 2] = px, py, pz
-        w.place[v], w.size[v] = place, min(w.size[a], w.size[b])
+        w.on_triangle[v], w.size[v] = on_triangle, min(w.size[a], w.size[b])
         bc, da = next_of(h), next_of(g)  # half-edges b -> c and a -> d
         behind_bc, behind_ad = w.opposite[bc], w.opposite[da]
         i, j = h % 3, g % 3
@@ -245,8 +245,8 @@ def collapse_short(w, tree, s, limits, floor):  # type: ignore[no-untyped-def]
     """
     done = 0
     face_of = np.empty(MOST_FACES, np.int64)
-    places = np.empty((3, 3))
-    place = np.empty(3, np.int64)
+    positions = np.empty((3, 3))
+    on_triangle = np.empty(3, np.int64)
     for h in range(3 * w.used[1]):
         if w.faces[h // 3, 0] < 0 or w.opposite[h] < h:
             continue
@@ -257,19 +257,19 @@ def collapse_short(w, tree, s, limits, floor):  # type: ignore[no-untyped-def]
             continue
         f, k = h // 3, w.opposite[h] // 3
         n, m = normal_of(w, f), normal_of(w, k)
-        places[1], places[2] = w.points[a], w.points[b]
+        positions[1], positions[2] = w.points[a], w.points[b]
         middle = 0.5 * (w.points[a] + w.points[b])
-        place[1], place[2] = w.place[a], w.place[b]
-        px, py, pz, place[0] = onto_surface(
-            tree, middle[0], middle[1], middle[2], w.place[a], n[0] + m[0], n[1] + m[1], n[2] + m[2]
+        on_triangle[1], on_triangle[2] = w.on_triangle[a], w.on_triangle[b]
+        px, py, pz, on_triangle[0] = onto_surface(
+            tree, middle[0], middle[1], middle[2], w.on_triangle[a], n[0] + m[0], n[1] + m[1], n[2] + m[2]
         )
-        places[0, 0], places[0, 1], places[0, 2] = px, py, pz
+        positions[0, 0], positions[0, 1], positions[0, 2] = px, py, pz
         most = np.inf if length < SHORT * floor else limits.most
         best, chosen, far = np.inf, -1, False
         for trial in range(3):
-            if place[trial] < 0:
+            if on_triangle[trial] < 0:
                 continue
-            x, y, z = places[trial]
+            x, y, z = positions[trial]
             olds = _collapsed(w, s, a, b, x, y, z, f, k)
             if olds == 0:
                 continue
@@ -284,7 +284,7 @@ def collapse_short(w, tree, s, limits, floor):  # type: ignore[no-untyped-def]
                 w.size[a] = min(w.size[a], max(floor, length / SHORT))
                 w.size[b] = min(w.size[b], max(floor, length / SHORT))
             continue
-        x, y, z = places[chosen]
+        x, y, z = positions[chosen]
         olds = _collapsed(w, s, a, b, x, y, z, f, k)
         count, _ = measure(w, s, olds, olds - 2, most)
         for i in range(olds - 2):
@@ -292,7 +292,7 @@ def collapse_short(w, tree, s, limits, floor):  # type: ignore[no-untyped-def]
         attach(w, s, olds, count, face_of)
         _collapse(w, h)
         w.points[b, 0], w.points[b, 1], w.points[b, 2] = x, y, z
-        w.place[b], w.size[b] = place[chosen], min(w.size[a], w.size[b])
+        w.on_triangle[b], w.size[b] = on_triangle[chosen], min(w.size[a], w.size[b])
         done += 1
     return done
 
@@ -420,9 +420,9 @@ def smooth(w, tree, s, limits):  # type: ignore[no-untyped-def]
             corners_of(w, s.old[i], -1, ox, oy, oz, row)
             worst = min(worst, shape_of(row))
         for _ in range(_SMOOTHING_TRIES):
-            x, y, z, place = onto_surface(tree, ox + dx, oy + dy, oz + dz, w.place[v], nx, ny, nz)
+            x, y, z, on_triangle = onto_surface(tree, ox + dx, oy + dy, oz + dz, w.on_triangle[v], nx, ny, nz)
             dx, dy, dz = 0.5 * dx, 0.5 * dy, 0.5 * dz
-            if place < 0:
+            if on_triangle < 0:
                 continue
             turned, shape = False, np.inf
             for i in range(olds):
@@ -439,7 +439,7 @@ def smooth(w, tree, s, limits):  # type: ignore[no-untyped-def]
                 continue
             attach(w, s, olds, count, s.old.copy())
             w.points[v, 0], w.points[v, 1], w.points[v, 2] = x, y, z
-            w.place[v] = place
+            w.on_triangle[v] = on_triangle
             moved += 1
             break
     return moved
@@ -450,6 +450,6 @@ def relax(w, given, tree_faces, ease):  # type: ignore[no-untyped-def]
     """Let targets grow by the factor `ease`, up to the smallest one `given` at the surface triangle under a vertex."""
     for v in range(w.used[0]):
         if w.leaving[v] >= 0:
-            corners = tree_faces[w.place[v]]
+            corners = tree_faces[w.on_triangle[v]]
             most = min(given[corners[0]], given[corners[1]], given[corners[2]])
             w.size[v] = min(w.size[v] * ease, most)

@@ -25,7 +25,7 @@ from cortet.geometry.limits import LEAST_BANK_GAP
 from cortet.measure.lost import surface_samples
 from cortet.meshes import IntArray, TetMesh, TriSurface
 from cortet.optimise.backing_off import back_off
-from cortet.optimise.places import cut_out, numbers_in, put_back
+from cortet.optimise.pockets import cut_out, numbers_in, put_back
 from cortet.optimise.undoing import undone
 
 #: rounds of undo and retry, then rounds of undo only
@@ -133,7 +133,7 @@ def without_crossing(
         touched = np.isin(mesh.cells, flaws.met).any(axis=1)
         sliding = flaws.to_hold(held) if number < _ROUNDS else flaws.left
         spoilt = np.union1d(mesh.cells[touched], sliding)
-        what = f"{len(flaws.met)} boundary faces cross or close a gap, {len(flaws.left)} places are left behind"
+        what = f"{len(flaws.met)} boundary faces cross or close a gap, {len(flaws.left)} spots are left behind"
         logger.info("%s: undone there, %d vertices held in place", what, len(np.union1d(held, spoilt)))
         # a vertex that slid away first goes half-way back: at its start, its tetrahedra were bad
         earlier = mesh if number else _half_way(mesh, result, sliding, surface)

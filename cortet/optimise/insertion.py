@@ -118,26 +118,26 @@ def _insert(mesh, tree, e, like, used, changed, gain):  # type: ignore[no-untype
     """
     cavity, faces = np.empty(_MOST, np.int32), np.empty((4 * _MOST, 4), np.int32)
     best_cavity = np.empty(_MOST, np.int32)
-    place, best_place = np.empty(3), np.empty(3)
+    position, best_position = np.empty(3), np.empty(3)
     ring, around = np.empty(MAX_RING + 1, np.int32), np.empty(MAX_RING, np.int32)
     halved, best_halved = np.empty(4, np.int32), np.empty(4, np.int32)
     best, size = gain**2, 0
     for seed in range(11):
         for part in _PARTS:
-            count = _begun(mesh, tree, e, seed, part, cavity, place, halved, ring, around)
+            count = _begun(mesh, tree, e, seed, part, cavity, position, halved, ring, around)
             if count == 0:
                 continue
-            ratio, count = _best_cavity(mesh, cavity, count, faces, place, halved)
+            ratio, count = _best_cavity(mesh, cavity, count, faces, position, halved)
             if ratio < best:
                 best, size = ratio, count
-                best_cavity[:count], best_place[:], best_halved[:] = cavity[:count], place, halved
+                best_cavity[:count], best_position[:], best_halved[:] = cavity[:count], position, halved
             if halved[0] < 0:  # one position is enough
                 break
     if size == 0:
         return False
     v = used[0]
     used[0] += 1
-    mesh.points[v] = best_place
+    mesh.points[v] = best_position
     like[v] = like[best_halved[0]] if best_halved[0] >= 0 else like[mesh.cells[e, 0]]
     outer = _outer_faces(mesh, best_cavity, size, faces, best_halved)
     new = np.empty((outer, 4), np.int32)
@@ -152,8 +152,8 @@ def _insert(mesh, tree, e, like, used, changed, gain):  # type: ignore[no-untype
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _begun(mesh, tree, e, seed, part, cavity, place, halved, ring, around):  # type: ignore[no-untyped-def]
-    """Write the smallest cavity of a new vertex, and its `place`; return the number of tetrahedra, 0 for no vertex.
+def _begun(mesh, tree, e, seed, part, cavity, position, halved, ring, around):  # type: ignore[no-untyped-def]
+    """Write the smallest cavity of a new vertex, and its `position`; return the number of tetrahedra, 0 for no vertex.
 
     Seeds 0 to 5 are the edges of tetrahedron e, 6 to 9 its faces, 10 its middle. `halved` holds the boundary edge that
     the vertex splits, at the share `part` of its length, as in `_on_crest`; -1 for a vertex inside.
@@ -162,12 +162,12 @@ def _begun(mesh, tree, e, seed, part, cavity, place, halved, ring, around):  # t
     if seed < 6:
         a, b, n, tets = ring_around(mesh, e, EDGE_FRAMES[seed], ring, around)
         cavity[:tets] = around[:tets]
-        place[:] = (mesh.points[a] + mesh.points[b]) / 2
+        position[:] = (mesh.points[a] + mesh.points[b]) / 2
         if n != tets:
             if tree is None:
                 return 0
             halved[0], halved[1], halved[2], halved[3] = a, b, ring[0], ring[n - 1]
-            return tets if _on_crest(mesh, tree, halved, part, place) else 0
+            return tets if _on_crest(mesh, tree, halved, part, position) else 0
         return tets
     cavity[0], count = e, 1
     if seed < 10:
@@ -175,16 +175,16 @@ def _begun(mesh, tree, e, seed, part, cavity, place, halved, ring, around):  # t
         if f < 0 or mesh.region[f] != mesh.region[e]:
             return 0
         cavity[1], count = f, 2
-    place[:] = 0.0
+    position[:] = 0.0
     for i in range(4):
         if seed == 10 or i != seed - 6:
-            place += mesh.points[mesh.cells[e, i]] / (4 if seed == 10 else 3)
+            position += mesh.points[mesh.cells[e, i]] / (4 if seed == 10 else 3)
     return count
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _on_crest(mesh, tree, halved, part, place):  # type: ignore[no-untyped-def]
-    """Set `place` to the surface point nearest to the share `part` of a boundary edge; False if no vertex may go there.
+def _on_crest(mesh, tree, halved, part, position):  # type: ignore[no-untyped-def]
+    """Set `position` to the surface point nearest to the share `part` of a boundary edge; False if none may go there.
 
     `halved` holds the ends a, b of the edge, and c, d: its faces are (a, c, b) and (a, b, d), outward.
     """
@@ -196,7 +196,7 @@ def _on_crest(mesh, tree, halved, part, place):  # type: ignore[no-untyped-def]
     sx, sy, sz = points[b, 0] - ax, points[b, 1] - ay, points[b, 2] - az
     x, y, z = ax + part * sx, ay + part * sy, az + part * sz
     px, py, pz, _, _, _, _ = closest_point(tree, x, y, z, -1)
-    place[0], place[1], place[2] = px, py, pz
+    position[0], position[1], position[2] = px, py, pz
     sag2 = (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
     if sag2 > _MAX_SAG**2 * (sx * sx + sy * sy + sz * sz):
         return False
@@ -204,7 +204,7 @@ def _on_crest(mesh, tree, halved, part, place):  # type: ignore[no-untyped-def]
         # both normals of a face change sign with its turn, so the turn does not matter
         ox, oy, oz = unit_normal(points[a], points[third], points[b])
         for start, end in ((a, third), (third, b)):
-            nx, ny, nz = unit_normal(points[start], points[end], place)
+            nx, ny, nz = unit_normal(points[start], points[end], position)
             if not nx * ox + ny * oy + nz * oz >= _MIN_FACE_COSINE:
                 return False
     return True
@@ -249,15 +249,15 @@ def _with_one_more(mesh, cavity, size, faces, count, halved):  # type: ignore[no
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _best_cavity(mesh, cavity, count, faces, place, halved):  # type: ignore[no-untyped-def]
+def _best_cavity(mesh, cavity, count, faces, position, halved):  # type: ignore[no-untyped-def]
     """Grow a cavity behind its worst face, and find the size whose filling improves the worst mu^2 most.
 
-    Starts from cavity[:count] and a vertex at `place`; in the end, both hold the best that was found. A vertex that
+    Starts from cavity[:count] and a vertex at `position`; in the end, both hold the best that was found. A vertex that
     splits a boundary edge does not move. Returns the new worst over the old, infinite if no filling is valid, and the
     size of the cavity.
     """
     star = empty_star()
-    trial = place.copy()
+    trial = position.copy()
     best, size = np.inf, count
     worst = 0.0
     for i in range(count):
@@ -267,7 +267,7 @@ def _best_cavity(mesh, cavity, count, faces, place, halved):  # type: ignore[no-
         achieved, at = _settled(mesh, faces, outer, trial, star, _STEPS if halved[0] < 0 else 0)
         if achieved / worst < best:
             best, size = achieved / worst, count
-            place[:] = trial
+            position[:] = trial
         behind = faces[at, 3]
         if behind < 0 or count == _MOST or count - size == _PATIENCE or mesh.region[behind] != mesh.region[cavity[0]]:
             return best, size
@@ -278,10 +278,10 @@ def _best_cavity(mesh, cavity, count, faces, place, halved):  # type: ignore[no-
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _settled(mesh, faces, outer, place, star, steps):  # type: ignore[no-untyped-def]
+def _settled(mesh, faces, outer, position, star, steps):  # type: ignore[no-untyped-def]
     """Move a vertex joined to all `faces` to where these tetrahedra are best; return their worst mu^2, and which."""
     for _ in range(steps):
-        _rows(mesh, faces, outer, place, star)
+        _rows(mesh, faces, outer, position, star)
         before = energy(star, outer, 0.0, 0.0, 0.0, _POWER // 2, np.inf)
         if not before < np.inf:
             break
@@ -289,13 +289,13 @@ def _settled(mesh, faces, outer, place, star, steps):  # type: ignore[no-untyped
         moved = False
         for _ in range(_BACKTRACKS):
             if energy(star, outer, dx, dy, dz, _POWER // 2, np.inf) < before:
-                place[0], place[1], place[2] = place[0] + dx, place[1] + dy, place[2] + dz
+                position[0], position[1], position[2] = position[0] + dx, position[1] + dy, position[2] + dz
                 moved = True
                 break
             dx, dy, dz = _SHRINK * dx, _SHRINK * dy, _SHRINK * dz
         if not moved:
             break
-    _rows(mesh, faces, outer, place, star)
+    _rows(mesh, faces, outer, position, star)
     find_mu2(star, outer, 0.0, 0.0, 0.0)
     worst, at, lowest = 0.0, 0, np.inf
     for i in range(outer):
@@ -308,9 +308,9 @@ def _settled(mesh, faces, outer, place, star, steps):  # type: ignore[no-untyped
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _rows(mesh, faces, outer, place, star):  # type: ignore[no-untyped-def]
+def _rows(mesh, faces, outer, position, star):  # type: ignore[no-untyped-def]
     points = mesh.points
-    x, y, z = place[0], place[1], place[2]
+    x, y, z = position[0], position[1], position[2]
     for i in range(outer):
         a, b, c = faces[i, 0], faces[i, 1], faces[i, 2]
         ax, ay, az = points[a, 0] - x, points[a, 1] - y, points[a, 2] - z

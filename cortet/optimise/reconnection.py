@@ -17,7 +17,7 @@ from cortet.measure.quality import quality
 from cortet.meshes import IntArray, TetMesh, TriSurface
 from cortet.optimise.crossing import Flaws, flaws_since, without_crossing
 from cortet.optimise.insertion import MIN_GAIN, insert_vertices
-from cortet.optimise.places import (
+from cortet.optimise.pockets import (
     Part,
     bad_in_each,
     better_of_each,
@@ -26,14 +26,14 @@ from cortet.optimise.places import (
     nodes_near,
     numbers_in,
     only,
-    places_at,
+    pockets_at,
     promising,
     put_back,
     rim_of,
 )
 from cortet.optimise.star import mu2_of
 from cortet.optimise.swaps import NO_SWAPS, SwapCount, improve, live_cells, swappable
-from cortet.optimise.vertices import Pass, interface_places, move_vertices
+from cortet.optimise.vertices import Pass, interface_triangles, move_vertices
 
 _ROUNDS = 4
 #: a round with fewer swaps per tetrahedron than this is the last one
@@ -198,7 +198,7 @@ def searched(
         result = put_back(mesh, part, tried)
         flaws = flaws_of(result)
         crossing = result.points[flaws.met.ravel()]
-        spoilt = places_at(tried, np.concatenate([crossing, mesh.points[flaws.left[:, 0]]]))
+        spoilt = pockets_at(tried, np.concatenate([crossing, mesh.points[flaws.left[:, 0]]]))
         best = mixed(tried, best, spoilt)
         held = np.union1d(held, np.concatenate([flaws.to_hold(held), nodes_near(part, crossing)])).astype(np.int32)
         if not spoilt.any():
@@ -326,7 +326,7 @@ def _swapped(mesh: TetMesh, tree: SurfaceTree, threshold: float, rigid: NDArray[
     mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
     if not (mu2 > mu2_of(threshold)).any():
         return mesh, NO_SWAPS
-    work = swappable(mesh, mu2, _regions(mesh), rigid, place=interface_places(mesh, tree))
+    work = swappable(mesh, mu2, _regions(mesh), rigid, on_triangle=interface_triangles(mesh, tree))
     count = improve(work, tree, float(mu2_of(threshold)))
     live = live_cells(work)
     cell_data = {name: values[live.origin] for name, values in mesh.cell_data.items()}

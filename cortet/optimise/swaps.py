@@ -70,7 +70,7 @@ class Swappable(NamedTuple):
     held: np.ndarray
     #: (n,) int32, for a vertex of an interface a triangle of the surface it lies on; -1 for the other vertices, whose
     #: edges between two regions stay
-    place: IntArray
+    on_triangle: IntArray
     #: (2,) int64: rows in use (dead ones included), dead rows kept for reuse
     counters: np.ndarray
     #: (m,) int32, stack of dead rows
@@ -98,13 +98,13 @@ def swappable(
     region: IntArray,
     held: np.ndarray,
     *,
-    place: IntArray | None = None,
+    on_triangle: IntArray | None = None,
     vertices: int = 0,
 ) -> Swappable:
     """Copy a mesh into arrays with room for `vertices` in all.
 
     Boundary edges of `held` vertices (n,) are not flipped. Edges of an interface are flipped only between vertices with
-    a `place` (n,): the triangle of the surface that they lie on.
+    a `on_triangle` (n,): the triangle of the surface that they lie on.
     """
     count = len(mesh.cells)
     room = count + count // 4 + 1000
@@ -122,7 +122,11 @@ def swappable(
         origin=grown(np.arange(count, dtype=np.int32), -1),
         region=grown(region.astype(np.int32), -1),
         held=grown(held, False, max(vertices, len(held))),
-        place=grown(np.full(len(mesh.points), -1, np.int32) if place is None else place, -1, max(vertices, len(held))),
+        on_triangle=grown(
+            np.full(len(mesh.points), -1, np.int32) if on_triangle is None else on_triangle,
+            -1,
+            max(vertices, len(held)),
+        ),
         counters=np.array([count, 0]),
         dead=np.empty(room, np.int32),
     )
@@ -202,16 +206,16 @@ def _interface_flip_is_sound(mesh, tree, e, a, b, first, last, alone, worst):  #
     `alone`: tetrahedron e is the only one of its region at the edge, so it goes over to the other region.
     """
     for v in (a, b, first, last):
-        if mesh.place[v] < 0 or mesh.held[v]:
+        if mesh.on_triangle[v] < 0 or mesh.held[v]:
             return False
     if alone and not _is_inside(mesh, e, first, last, a, b):
         return False
-    return _stays_on_surface(mesh.points, tree, a, b, first, last, worst, mesh.place[first])
+    return _stays_on_surface(mesh.points, tree, a, b, first, last, worst, mesh.on_triangle[first])
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _stays_on_surface(points, tree, a, b, first, last, worst, place):  # type: ignore[no-untyped-def]
-    """Whether faces at (first, last) point like those at (a, b), and stay near the surface of triangle `place`."""
+def _stays_on_surface(points, tree, a, b, first, last, worst, on_triangle):  # type: ignore[no-untyped-def]
+    """Whether faces at (first, last) point like those at (a, b), and stay near the surface of `on_triangle`."""
     ox, oy, oz = unit_normal(points[a], points[first], points[b])
     px, py, pz = unit_normal(points[a], points[b], points[last])
     ox, oy, oz = ox + px, oy + py, oz + pz
@@ -225,7 +229,7 @@ def _stays_on_surface(points, tree, a, b, first, last, worst, place):  # type: i
     lx, ly, lz = points[last]
     mx, my, mz = (fx + lx) / 2, (fy + ly) / 2, (fz + lz) / 2
     sx, sy, sz = lx - fx, ly - fy, lz - fz
-    px, py, pz, _, _, _, _ = closest_point(tree, mx, my, mz, place)
+    px, py, pz, _, _, _, _ = closest_point(tree, mx, my, mz, on_triangle)
     sag2 = (px - mx) ** 2 + (py - my) ** 2 + (pz - mz) ** 2
     allowed = _MAX_SAG if worst < _BAD else _MAX_SAG_OF_BAD
     return sag2 <= allowed**2 * (sx * sx + sy * sy + sz * sz)
@@ -380,7 +384,7 @@ def _beside(mesh, changed):  # type: ignore[no-untyped-def]
     A flip looks beyond the tetrahedra that it replaces: at those of the other vertices of its faces. So changed
     vertices whose edges may be flipped count for all vertices of their tetrahedra.
     """
-    used, on_surface = mesh.counters[0], mesh.place >= 0
+    used, on_surface = mesh.counters[0], mesh.on_triangle >= 0
     for e in range(used):
         for k in range(4):
             if mesh.cells[e, 0] >= 0 and mesh.neighbours[e, k] < 0:

@@ -79,17 +79,19 @@ class State(NamedTuple):
     #: (m,) float64, mu^2 of each tetrahedron
     mu2: FloatArray
     #: (n,) int32, triangle of the surface tree that each sliding vertex lies on
-    place: IntArray
+    on_triangle: IntArray
     #: (n,) bool, whether something around the vertex has changed since it was last tried
     stale: np.ndarray
 
 
 @numba.njit(parallel=True, cache=True, error_model="numpy")
-def _locate(points, tree, freedom, place):  # type: ignore[no-untyped-def]
-    """Find the surface triangle under every sliding vertex; `place` is a triangle of its surface, -1 the first."""
+def _locate(points, tree, freedom, on_triangle):  # type: ignore[no-untyped-def]
+    """Find the surface triangle under every sliding vertex; `on_triangle` is one of its surface, -1 the first."""
     for v in numba.prange(len(points)):
         if freedom[v] == SLIDING:
-            place[v] = closest_point(SurfaceTree(*tree), points[v, 0], points[v, 1], points[v, 2], place[v])[3]
+            on_triangle[v] = closest_point(
+                SurfaceTree(*tree), points[v, 0], points[v, 1], points[v, 2], on_triangle[v]
+            )[3]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -141,11 +143,11 @@ def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-
     before = energy(star, size, 0.0, 0.0, 0.0, half_power, np.inf)
     slopes = derivatives(star, size, half_power)
     ox, oy, oz = points[v]
-    place = state.place[v]
+    on_triangle = state.on_triangle[v]
     sliding = p.freedom[v] == SLIDING
     nx = ny = nz = lowest = 0.0
     if sliding:
-        nx, ny, nz = triangle_normal(tree.corners[place])
+        nx, ny, nz = triangle_normal(tree.corners[on_triangle])
         lowest = min(_MIN_FACE_COSINE, _lowest_cosine(points, p, v, ox, oy, oz, nx, ny, nz))
         sx, sy, sz = tangent_step(slopes, nx, ny, nz)
     else:
@@ -155,16 +157,16 @@ def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-
         x, y, z = scale * sx, scale * sy, scale * sz
         scale *= _SHRINK
         if sliding:
-            px, py, pz, place, _, _, _ = closest_point(tree, ox + x, oy + y, oz + z, state.place[v])
+            px, py, pz, on_triangle, _, _, _ = closest_point(tree, ox + x, oy + y, oz + z, state.on_triangle[v])
             x, y, z = px - ox, py - oy, pz - oz
         if not energy(star, size, x, y, z, half_power, cap) < before * (1 - _MIN_GAIN):
             continue
         if sliding:
-            mx, my, mz = triangle_normal(tree.corners[place])
+            mx, my, mz = triangle_normal(tree.corners[on_triangle])
             across = nx * mx + ny * my + nz * mz <= 0  # the step ended on the opposite bank of a sulcus or blade
             if across or _lowest_cosine(points, p, v, ox + x, oy + y, oz + z, mx, my, mz) < lowest:
                 continue
-            state.place[v] = place
+            state.on_triangle[v] = on_triangle
             points[v, 0], points[v, 1], points[v, 2] = px, py, pz
         else:
             points[v, 0], points[v, 1], points[v, 2] = ox + x, oy + y, oz + z
@@ -297,30 +299,30 @@ def move_vertices(
     count = len(mesh.points)
     freedom = np.full(count, FREE, np.int8)
     freedom[topology.boundary_nodes(mesh)] = {"slide": SLIDING, "fixed": FIXED, "free": FREE}[boundary]
-    place = interface_places(mesh, tree)
-    freedom[place >= 0] = {"slide": SLIDING, "fixed": FIXED, "free": FREE}[boundary]
+    on_triangle = interface_triangles(mesh, tree)
+    freedom[on_triangle >= 0] = {"slide": SLIDING, "fixed": FIXED, "free": FREE}[boundary]
     sheets = topology.boundary_faces(mesh)
-    if (place >= 0).any():
+    if (on_triangle >= 0).any():
         sheets = np.concatenate([sheets, topology.interfaces(mesh).faces])
     freedom[np.asarray(held, np.int32)] = FIXED
     patches = _patches(mesh, freedom, sheets)
     points = mesh.points.copy()
     mu2 = np.asarray(mu2_of(quality(points, mesh.cells)))
-    state = State(points, mu2, place, np.empty(count, np.bool_))
-    _locate(points, tuple(tree), freedom, state.place)
+    state = State(points, mu2, on_triangle, np.empty(count, np.bool_))
+    _locate(points, tuple(tree), freedom, state.on_triangle)
     runs, starts = _colours(patches)
     done = tuple(_run(aim, state, patches, tree, runs, starts) for aim in passes)
     return replace(mesh, points=state.points), done
 
 
-def interface_places(mesh: TetMesh, tree: SurfaceTree) -> IntArray:
+def interface_triangles(mesh: TetMesh, tree: SurfaceTree) -> IntArray:
     """If `tree` is a forest: for each vertex of an interface, a triangle of the surface it lies on; else -1: (n,)."""
-    place = np.full(len(mesh.points), -1, np.int32)
+    on_triangle = np.full(len(mesh.points), -1, np.int32)
     first = first_triangles(tree)
     if len(first) > 1:
         found = topology.interfaces(mesh)
-        place[found.faces] = first[found.region - 1][:, None]
-    return place
+        on_triangle[found.faces] = first[found.region - 1][:, None]
+    return on_triangle
 
 
 def _patches(mesh: TetMesh, freedom: np.ndarray, faces: IntArray) -> Patches:

@@ -99,10 +99,10 @@ def _brought(
     """
     rounds = 0
     while True:
-        places = closest_points(tree, mesh.points[nodes]).points
-        points, _ = back_off(mesh.points, _placed(mesh.points, nodes, places), mesh.cells, q_max=q_max)
+        positions = closest_points(tree, mesh.points[nodes]).points
+        points, _ = back_off(mesh.points, _placed(mesh.points, nodes, positions), mesh.cells, q_max=q_max)
         mesh = replace(mesh, points=points)
-        late = int((np.linalg.norm(points[nodes] - places, axis=1) > ON_SURFACE_MM).sum())
+        late = int((np.linalg.norm(points[nodes] - positions, axis=1) > ON_SURFACE_MM).sum())
         if not late or rounds == REPAIR_ROUNDS:
             return mesh, rounds
         rounds += 1
@@ -110,8 +110,8 @@ def _brought(
         mesh, _ = clean(mesh, surface, REPAIR, held=held)
 
 
-def _placed(points: FloatArray, nodes: IntArray, places: FloatArray) -> FloatArray:
-    """Copy of `points` with `nodes` at `places`."""
+def _placed(points: FloatArray, nodes: IntArray, positions: FloatArray) -> FloatArray:
+    """Copy of `points` with `nodes` at `positions`."""
     moved = points.copy()
-    moved[nodes] = places
+    moved[nodes] = positions
     return moved

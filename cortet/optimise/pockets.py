@@ -1,6 +1,6 @@
-"""Cut out the few places of a mesh with its worst tetrahedra, so that many attempts there cost little.
+"""Cut out the few pockets of a mesh with its worst tetrahedra, so that many attempts there cost little.
 
-Each place is checked alone, and keeps its best attempt.
+Each pocket is checked alone, and keeps its best attempt.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from cortet.geometry.topology import compact, component_labels
 from cortet.measure.quality import quality
 from cortet.meshes import FloatArray, IntArray, TetMesh
 
-#: layers of tetrahedra around the worst ones that belong to a place
+#: layers of tetrahedra around the worst ones that belong to a pocket
 _RINGS = 4
-#: fields of a part: the number of each node in the whole mesh, and the number of each tetrahedron's place
-_NODE, _PLACE = "node of the whole", "place"
+#: fields of a part: the number of each node in the whole mesh, and the number of each tetrahedron's pocket
+_NODE, _POCKET = "node of the whole", "pocket"
 
 
 class Part(NamedTuple):
@@ -34,7 +34,7 @@ class Part(NamedTuple):
 
 
 def cut_out(mesh: TetMesh, seeds: NDArray[np.bool_]) -> Part:
-    """Cut out the places around the tetrahedra `seeds` (m,)."""
+    """Cut out the pockets around the tetrahedra `seeds` (m,)."""
     taken: NDArray[np.bool_] = seeds
     for _ in range(_RINGS):
         near = np.zeros(len(mesh.points), np.bool_)
@@ -43,12 +43,12 @@ def cut_out(mesh: TetMesh, seeds: NDArray[np.bool_]) -> Part:
     points, cells, nodes = compact(mesh.points, mesh.cells[taken])
     outside = np.zeros(len(mesh.points), np.bool_)
     outside[mesh.cells[~taken]] = True
-    place = component_labels(cells)[cells[:, 0]].astype(np.int32)
+    pocket = component_labels(cells)[cells[:, 0]].astype(np.int32)
     part = TetMesh(
         points,
         cells,
         {name: values[nodes] for name, values in mesh.point_data.items()} | {_NODE: nodes},
-        {name: values[taken] for name, values in mesh.cell_data.items()} | {_PLACE: place},
+        {name: values[taken] for name, values in mesh.cell_data.items()} | {_POCKET: pocket},
     )
     return Part(part, np.flatnonzero(outside[nodes]).astype(np.int32), taken)
 
@@ -71,19 +71,19 @@ def nodes_near(part: Part, points: FloatArray) -> IntArray:
 
 
 def better_of_each(first: TetMesh, second: TetMesh, threshold: float) -> TetMesh:
-    """For each place, the try with the smaller sum of cubes of what its tetrahedra exceed `threshold` by.
+    """For each pocket, the try with the smaller sum of cubes of what its tetrahedra exceed `threshold` by.
 
-    The first if they are equal. The second try may lack places; there the first one stays.
+    The first if they are equal. The second try may lack pockets; there the first one stays.
     """
     count = _count(first)
     return mixed(first, second, _excess(second, count, threshold) < _excess(first, count, threshold))
 
 
 def mixed(first: TetMesh, second: TetMesh, chosen: NDArray[np.bool_]) -> TetMesh:
-    """The second try in the `chosen` places, (places,) or more, and the first try in the others."""
+    """The second try in the `chosen` pockets, (pockets,) or more, and the first try in the others."""
     if not chosen.any():
         return first
-    kept = [~chosen[first.cell_data[_PLACE]], chosen[second.cell_data[_PLACE]]]
+    kept = [~chosen[first.cell_data[_POCKET]], chosen[second.cell_data[_POCKET]]]
     cells = np.concatenate([first.cells[kept[0]], second.cells[kept[1]] + np.int32(len(first.points))])
     points, cells, used = compact(np.concatenate([first.points, second.points]), cells)
     return TetMesh(
@@ -95,20 +95,20 @@ def mixed(first: TetMesh, second: TetMesh, chosen: NDArray[np.bool_]) -> TetMesh
 
 
 def promising(mesh: TetMesh, threshold: float, most: int) -> TetMesh:
-    """The places of a try that have at least one and at most `most` tetrahedra with q above `threshold`."""
+    """The pockets of a try that have at least one and at most `most` tetrahedra with q above `threshold`."""
     count = bad_in_each(mesh, threshold)
     return only(mesh, (count > 0) & (count <= most))
 
 
 def bad_in_each(mesh: TetMesh, threshold: float) -> IntArray:
-    """How many tetrahedra of each place have q above `threshold`: (places,)."""
+    """How many tetrahedra of each pocket have q above `threshold`: (pockets,)."""
     bad = quality(mesh.points, mesh.cells) > threshold
-    return np.bincount(mesh.cell_data[_PLACE][bad], minlength=_count(mesh)).astype(np.int32)
+    return np.bincount(mesh.cell_data[_POCKET][bad], minlength=_count(mesh)).astype(np.int32)
 
 
 def only(mesh: TetMesh, chosen: NDArray[np.bool_]) -> TetMesh:
-    """The `chosen` places of a part, (places,) or more."""
-    taken = chosen[mesh.cell_data[_PLACE]]
+    """The `chosen` pockets of a part, (pockets,) or more."""
+    taken = chosen[mesh.cell_data[_POCKET]]
     if taken.all():
         return mesh
     points, cells, used = compact(mesh.points, mesh.cells[taken])
@@ -120,12 +120,12 @@ def only(mesh: TetMesh, chosen: NDArray[np.bool_]) -> TetMesh:
     )
 
 
-def places_at(mesh: TetMesh, points: FloatArray) -> NDArray[np.bool_]:
-    """Which places of a part own the vertices nearest to `points` (k, 3), mm: (places,)."""
-    place = np.empty(len(mesh.points), np.int32)
-    place[mesh.cells] = mesh.cell_data[_PLACE][:, None]
+def pockets_at(mesh: TetMesh, points: FloatArray) -> NDArray[np.bool_]:
+    """Which pockets of a part own the vertices nearest to `points` (k, 3), mm: (pockets,)."""
+    pocket = np.empty(len(mesh.points), np.int32)
+    pocket[mesh.cells] = mesh.cell_data[_POCKET][:, None]
     chosen = np.zeros(_count(mesh), np.bool_)
-    chosen[place[KDTree(mesh.points).query(points)[1]]] = True
+    chosen[pocket[KDTree(mesh.points).query(points)[1]]] = True
     return chosen
 
 
@@ -159,18 +159,18 @@ def _is_old(mesh: TetMesh) -> NDArray[np.bool_]:
 
 
 def _count(mesh: TetMesh) -> int:
-    """How many places a part has, or had before some were left out."""
-    return int(mesh.cell_data[_PLACE].max(initial=-1)) + 1
+    """How many pockets a part has, or had before some were left out."""
+    return int(mesh.cell_data[_POCKET].max(initial=-1)) + 1
 
 
 def _excess(mesh: TetMesh, count: int, threshold: float) -> FloatArray:
-    """Sum over each of `count` places of the cube of what q exceeds `threshold` by; infinite where the mesh lacks one.
+    """Sum over each of `count` pockets of the cube of what q exceeds `threshold` by; infinite where the mesh lacks one.
 
     The cube makes the worst tetrahedron count most, without many new ones just below it.
     """
-    place, q = mesh.cell_data[_PLACE], quality(mesh.points, mesh.cells)
-    total = np.bincount(place, np.maximum(q - threshold, 0) ** 3, minlength=count)
-    return np.where(np.bincount(place, minlength=count) == 0, np.inf, total)
+    pocket, q = mesh.cell_data[_POCKET], quality(mesh.points, mesh.cells)
+    total = np.bincount(pocket, np.maximum(q - threshold, 0) ** 3, minlength=count)
+    return np.where(np.bincount(pocket, minlength=count) == 0, np.inf, total)
 
 
 def _joined(first: NDArray[Any], second: NDArray[Any]) -> NDArray[Any]:

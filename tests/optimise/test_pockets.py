@@ -10,12 +10,12 @@ from cortet.geometry import topology
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import TetMesh
 from cortet.optimise.insertion import insert_vertices
-from cortet.optimise.places import (
+from cortet.optimise.pockets import (
     better_of_each,
     cut_out,
     mixed,
     only,
-    places_at,
+    pockets_at,
     promising,
     put_back,
     rim_of,
@@ -44,7 +44,7 @@ def moved(part: TetMesh, by: float, where: int) -> TetMesh:
     return replace(part, points=points)
 
 
-def test_two_places_far_apart_share_nothing_and_their_rim_is_all_that_the_rest_uses(mesh, seeds):
+def test_two_pockets_far_apart_share_nothing_and_their_rim_is_all_that_the_rest_uses(mesh, seeds):
     part = cut_out(mesh, seeds)
     assert part.taken[seeds].all() and topology.components(part.mesh.cells) == 2
     numbers = part.mesh.point_data["number"]
@@ -54,12 +54,12 @@ def test_two_places_far_apart_share_nothing_and_their_rim_is_all_that_the_rest_u
 
 
 def flattened(*heights: float) -> TetMesh:
-    """One place of tetrahedra that share no vertex, regular but for their heights."""
+    """One pocket of tetrahedra that share no vertex, regular but for their heights."""
     regular = np.array([[0, 0, 0], [1, 0, 0], [0.5, 0.75**0.5, 0], [0.5, 0.75**0.5 / 3, (2 / 3) ** 0.5]])
     points = np.concatenate([regular * [1, 1, height] + [3 * i, 0, 0] for i, height in enumerate(heights)])
     cells = np.arange(len(points), dtype=np.int32).reshape(-1, 4)
-    node, place = np.arange(len(points)), np.zeros(len(cells), np.int32)
-    return TetMesh(points, cells, {"node of the whole": node}, {"place": place})
+    node, pocket = np.arange(len(points)), np.zeros(len(cells), np.int32)
+    return TetMesh(points, cells, {"node of the whole": node}, {"pocket": pocket})
 
 
 def test_a_better_worst_tetrahedron_is_not_bought_with_many_that_are_hardly_better():
@@ -73,7 +73,7 @@ def test_a_better_worst_tetrahedron_is_not_bought_with_many_that_are_hardly_bett
     assert better_of_each(fine, finer, 0.9) is fine, "none is above the threshold"
 
 
-def test_each_place_keeps_the_try_that_was_better_there(mesh, seeds):
+def test_each_pocket_keeps_the_try_that_was_better_there(mesh, seeds):
     part = cut_out(mesh, seeds)
     middle = part.mesh.points.mean(axis=1) < 0.5
     inner = np.setdiff1d(np.arange(len(part.mesh.points)), part.rim)
@@ -87,11 +87,11 @@ def test_each_place_keeps_the_try_that_was_better_there(mesh, seeds):
     assert better_of_each(part.mesh, worse_low, 0.0) is part.mesh
 
 
-def test_places_can_be_left_out_of_a_try_and_keep_what_they_had(mesh, seeds):
+def test_pockets_can_be_left_out_of_a_try_and_keep_what_they_had(mesh, seeds):
     part = cut_out(mesh, seeds)
     corner = mesh.points[mesh.cells[np.flatnonzero(seeds)]].mean(axis=1)
-    first = places_at(part.mesh, corner[:1])
-    assert first.sum() == 1 and places_at(part.mesh, corner).sum() == 2
+    first = pockets_at(part.mesh, corner[:1])
+    assert first.sum() == 1 and pockets_at(part.mesh, corner).sum() == 2
     one = only(part.mesh, first)
     assert 0 < len(one.cells) < len(part.mesh.cells) and topology.components(one.cells) == 1
     inside = np.setdiff1d(np.arange(len(one.points)), rim_of(part, one))[0]
@@ -105,7 +105,7 @@ def test_places_can_be_left_out_of_a_try_and_keep_what_they_had(mesh, seeds):
     assert np.count_nonzero((whole.points != mesh.points).any(axis=1)) == 1
 
 
-def test_a_place_is_promising_while_few_of_its_tetrahedra_are_bad(mesh, seeds):
+def test_a_pocket_is_promising_while_few_of_its_tetrahedra_are_bad(mesh, seeds):
     part = cut_out(mesh, seeds)
     q = quality(part.mesh.points, part.mesh.cells)
     assert len(promising(part.mesh, q.max(), 10).cells) == 0, "nothing is left to do"
