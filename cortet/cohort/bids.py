@@ -209,10 +209,12 @@ def descriptions(settings: Mapping[str, Config]) -> dict[str, str]:
     own = settings[""]
     meshers = dict.fromkeys([*own.generate.meshers, *own.experiments.ablation.meshers])
     for (name, setting), mesher, stage in product(settings.items(), meshers, MESH_STAGES.values()):
+        apart = "" if stage.shared_by_settings else name
+        how = f"mesher {mesher}" + (f", setting {setting.setting}" if apart else "")
         if setting.enabled(stage.name):
-            apart = "" if stage.shared_by_settings else name
-            how = f"mesher {mesher}" + (f", setting {setting.setting}" if apart else "")
             found[f"{mesher}{apart}{stage.label}"] = f"{_sentence(stage.does)} ({how})"
+        if stage.name == "solver_ready":
+            found[f"{mesher}{apart}Solver"] = f"The certified mesh, with its certificate and its page ({how})"
     return found
 
 
