@@ -57,16 +57,20 @@ class Jobs:
         )
 
     def steps(self, stages: Sequence[str], job: Wildcards) -> dict[str, Values]:
-        """What each of some stages of a job depends on, if the line has it; if it changes, the job runs again."""
-        about = self.about(job)
+        """What each of some stages of a job depends on; if it changes, the job runs again.
+
+        Stages of the surface that the line leaves out are left out. Other settings may have a stage of the mesh that
+        the line has not, and that all settings share.
+        """
+        about, line = self.about(job), self.inputs.line(job)
         return {
             stage.name: {
                 "settings": stage.settings_of(self._config_of(stage, job), about),
                 "about": stage.about_of(about).model_dump(exclude=LOCATIONS, exclude_defaults=True),
                 "version": version_of(f"stages.{stage.name}"),
             }
-            for stage in self.inputs.line(job)
-            if stage.name in stages
+            for stage in map(STAGES.get, stages)
+            if stage and (stage in line or stage.gives == "mesh")
         }
 
     def locations(self, job: Wildcards) -> Values:

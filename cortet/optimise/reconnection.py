@@ -59,7 +59,7 @@ _MOST_HOPE = 100
 #: two series of powers; neither is always better: at 64, the good tetrahedra of a tight pocket hold the worst back
 _SEARCH_POWERS, _SEARCH_SWEEPS = ((8, 16, 32, 64), (8, 32, 128, 256)), 25
 #: vertices move from this share of the threshold on: the worst improve only if those around them give way
-_GIVING_WAY = 0.9
+_GIVING_WAY = 0.85
 #: tries: one for all pockets, the rest for the pockets whose boundary a try spoilt
 _SEARCHES = 6
 

@@ -16,7 +16,7 @@ from cortet.meshes import TetMesh, TriSurface
 from cortet.optimise.reconnection import reconnected
 from cortet.optimise.soundness import require_sound
 
-VERSION: int = 15
+VERSION: int = 16
 
 
 @dataclass(frozen=True)
