@@ -43,7 +43,8 @@ def told_at_start():
         read(Path(file))
     require_own_output(CONFIG.output, CONFIG.cohort.dataset)
     require_free(CONFIG.output)
-    told = [*notices(CONFIG), *PLAN.notices(), *PLAN.edited_exports()]
+    edited = [sentence for mesh in PLAN.meshes() for sentence in PLAN.edited_exports(mesh)]
+    told = [*notices(CONFIG), *PLAN.notices(), *edited]
     if "sheet" in GIVEN.get("cohort", {}) and (defaults := keys_not_given(config, GIVEN)):
         told.append(
             f"config.yaml in {Path.cwd()} sets keys that your own configuration does not: {'; '.join(defaults)}"

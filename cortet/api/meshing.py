@@ -267,13 +267,22 @@ class Mesh(Made):
 
         picture(self.named(), path, **how)
 
-    def page(self, path: str | Path, *, files: Sequence[tuple[str, str]] = ()) -> None:
+    def page(self, path: str | Path, *, files: Sequence[tuple[str, str]] = (), force: bool = False) -> None:
         """Write an HTML page about the mesh: verdict, pictures, sections, every number with its limit.
 
         Parameters
         ----------
+        path : `.html`
         files : address of further files, as seen from the page, and the words of the link to each
+        force : also replace a file that cortet did not make; an input is never overwritten
+
+        Raises
+        ------
+        InputError : the file exists and cortet did not make it, or the name has another ending
         """
+        target = Path(path)
+        if target.suffix.lower() not in (".html", ".htm"):
+            raise InputError("does not end with .html", file=target, remedy="name a page, x.html")
         from cortet.report.case_page import Checked, about, write_case_page
         from cortet.report.slices import slices
 
@@ -287,7 +296,8 @@ class Mesh(Made):
                 slices(self.mesh, *next(iter(self.volumes.items())), drawn, given.frame)
             certificate = json.loads(json.dumps(asdict(self.certificate)))
             shown = Checked(self.mesh, given, self.surface, certificate, files, self.tissue_rows, drawn)
-            write_case_page(shown, path, facts=about(known))
+            with guarded(self.inputs, files=[target], force=force):
+                write_case_page(shown, target, facts=about(known))
 
     def named(self) -> TetMesh:
         """The mesh with its named sets and the numbers of its regions, as files hold it."""

@@ -176,7 +176,9 @@ def require_own_output(output: Path, dataset: Path | None) -> None:
 
 
 def is_own_output(output: Path) -> bool:
-    """Whether a folder has a description that says that cortet generated it."""
+    """Whether a folder has the record of a run, or a description that says that cortet generated it."""
+    if (output / ".cortet" / "run.json").is_file():
+        return True
     try:
         generated = json_of(output / DESCRIPTION)["GeneratedBy"]
         return any(one["Name"] == "cortet" for one in generated)

@@ -145,10 +145,10 @@ class Plan:
         smoothed = stages_of(self.config) != stages_of(self.config, aged=False)
         return ageless_notice([*self.cases.values()], smoothed=smoothed, folded=isinstance(asked, (str, int)))
 
-    def edited_exports(self) -> list[str]:
-        """What was changed or deleted of the files for solvers since cortet wrote them, in sentences."""
+    def edited_exports(self, mesh: Mesh) -> list[str]:
+        """What was changed or deleted of the files for solvers of a mesh since cortet wrote them, in sentences."""
         told = []
-        for file in (path for mesh in self.meshes() for path in self.exports(mesh) if path.is_file()):
+        for file in (path for path in self.exports(mesh) if path.is_file()):
             record = Path(f"{file}.json")
             gone = [name for name in files_of(record) if not (record.parent / name).is_file()]
             told += [f"{record.parent / name} is missing: delete {file} and cortet remakes both" for name in gone]

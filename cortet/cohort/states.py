@@ -19,6 +19,7 @@ from cortet.cohort.layout import Wildcards, beside
 from cortet.cohort.plan import Mesh, Plan
 from cortet.cohort.sheet import Case
 from cortet.cohort.status import STOPPED, certificate_of, failure_reason
+from cortet.cohort.user_files import content
 from cortet.formats.ownership import json_of
 from cortet.stages import STAGES
 
@@ -183,6 +184,10 @@ def _state(jobs: Jobs, mesh: Mesh, certificate: Path, failed: Sequence[Failure])
             reason = _OTHER_SIZE
     elif missing := [rule for path, rule in plan.final_files(mesh).items() if not Path(path).exists()]:
         stage = missing[0]
+    elif edited := plan.edited_exports(mesh):
+        stage, reason = "export", edited[0]
+    elif other := _other_field(jobs, mesh):
+        stage, reason = "fields", f"the file of the field {other} has changed; the next run carries it to the mesh"
     else:
         return None
     return {"stage": stage, "state": "unfinished", "reason": reason}
@@ -197,21 +202,38 @@ def first_other_stage(jobs: Jobs, mesh: Mesh) -> str | None:
     if made is None:
         reports = jobs.inputs.reports(job)
         return next((stage for stage in wanted if stage in reports and not Path(reports[stage]).exists()), "certify")
-    if has_other_input(jobs, job, certificate):
+    if has_other_input(jobs, job, certificate) is not False:
         return next(iter(wanted))
-    return next((stage for stage in wanted if wanted[stage] != made.get(stage)), None)
+    order = [*STAGES, "certify"]
+    # a stage that the line no longer has counts, too: those after it have to run again
+    other = next((number for number, stage in enumerate(order) if wanted.get(stage) != made.get(stage)), len(order))
+    return next((stage for stage in order[other:] if stage in wanted), None)
 
 
-def has_other_input(jobs: Jobs, job: Wildcards, certificate: Path) -> bool:
-    """Whether a mesh was made from other files of the user than the present ones, as far as those can be read."""
+def has_other_input(jobs: Jobs, job: Wildcards, certificate: Path) -> bool | None:
+    """Whether a mesh was made from other files of the user than the present ones, as far as those can be read.
+
+    None if no record says what it was made from.
+    """
     report = certificate.name.replace(CERTIFICATE, f"{STAGES['solver_ready'].label}_tetmesh.json")
     record = json_of(certificate.with_name(report))
     made_from, present = record.get("input_sha256"), jobs.sources.input_sha256(job)
     if not isinstance(made_from, dict):
-        return False
+        return None
     return made_from.keys() != present.keys() or any(
         now is not None and made_from[name] != now for name, now in present.items()
     )
+
+
+def _other_field(jobs: Jobs, mesh: Mesh) -> str | None:
+    """A field whose file has another content than that which a file for solvers holds; None if there is none."""
+    present = content(jobs.sources.field_paths(jobs.plan.job(mesh)))
+    for file in jobs.plan.exports(mesh):
+        held = json_of(file.with_name(f"{file.name}.json")).get("fields") or {}
+        for name, digest in present.items():
+            if digest and held.get(name, {}).get("source_sha256", digest) != digest:
+                return name
+    return None
 
 
 def certificates_of(plan: Plan, case: Case) -> list[Path]:

@@ -49,7 +49,15 @@ _ONCE = {
     rb"^\*PART\b": "a second *PART",
     rb"^\*INSTANCE\b": "a second *INSTANCE",
 }
-_BY_VTK = "import sys, pyvista; pyvista.save_meshio(sys.argv[2], pyvista.read(sys.argv[1]))"
+#: array of VTK that hides cells
+_GHOSTS = "vtkGhostType"
+#: writes a file of VTK anew, in a form that meshio reads
+_BY_VTK = f"""import sys, pyvista
+grid = pyvista.read(sys.argv[1])
+if "{_GHOSTS}" in grid.array_names:
+    sys.exit("it has ghost cells")
+pyvista.save_meshio(sys.argv[2], grid)
+"""
 #: writes a file of Gmsh anew, in the version and without the partitions and entities that meshio cannot read
 _BY_GMSH = """import sys, gmsh
 gmsh.initialize()
@@ -86,6 +94,8 @@ def read(path: Path) -> TetMesh:
         if path.suffix == ".xdmf" and (beside := path.with_name(f"{path.stem}_facets.xdmf")).is_file():
             faces = _faces(_read_xdmf(beside))
         kinds = {block.type for block in found.cells}
+        if _GHOSTS in found.cell_data or _GHOSTS in found.point_data:
+            raise ValueError(f"it has ghost cells: remove the array {_GHOSTS}")
         if (solid := kinds - _FLAT) != {"tetra"}:
             raise ValueError(f"its volume cells must be tetrahedra, not {', '.join(sorted(solid)) or 'none'}")
     except InputError:
@@ -119,8 +129,11 @@ def _read_vtk(path: Path) -> Any:
     """What meshio finds in a file of VTK, written anew by PyVista: of all that VTK writes, meshio reads a part."""
     try:
         return _read_again(_BY_VTK, path, "again.vtu", meshio.vtu.read)
-    except ValueError:  # VTK reads only a part of what meshio writes
-        return (meshio.vtk.read if path.suffix == ".vtk" else meshio.vtu.read)(str(path))
+    except ValueError as error:
+        try:  # VTK reads only a part of what meshio writes
+            return (meshio.vtk.read if path.suffix == ".vtk" else meshio.vtu.read)(str(path))
+        except Exception:
+            raise error from None
 
 
 def _read_abaqus(path: Path) -> Any:
@@ -182,7 +195,7 @@ def _read_again(program: str, path: Path, name: str, read_file: Callable[[Path],
     with TemporaryDirectory(prefix="cortet-again-") as folder:
         again = Path(folder) / name
         done = child.run([sys.executable, "-c", program, str(path.absolute()), str(again)])
-        if done.returncode or "ERR|" in done.stderr or not again.exists():
+        if done.returncode or re.search(r"ERR\||Error reading", done.stderr) or not again.exists():
             raise ValueError((done.stderr.strip().splitlines() or ["its own program broke down"])[-1]) from None
         return read_file(again)
 

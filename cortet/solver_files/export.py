@@ -125,7 +125,9 @@ def require_certified(mesh: TetMesh, certificate: Mapping[str, Any], path: Path,
     """Raise StageError if a certificate is of another mesh, or if it fails the mesh and `uncertified` is false."""
     if certificate.get("mesh_sha256") not in (None, mesh_sha256(mesh)):
         raise StageError(
-            "the certificate is of a different mesh", file=final_name(path), remedy="certify this one first"
+            "the certificate is of a different mesh",
+            file=final_name(path),
+            remedy="certify this one first; in the workflow, by `snakemake --forcerun solver_ready`",
         )
     if not certificate["certified"] and not uncertified:
         raise StageError(

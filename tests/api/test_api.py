@@ -305,3 +305,16 @@ def test_a_mesh_folds_from_the_age_it_was_made_at(made, tmp_path):
     sidecar_path(of_another).write_text(sidecar_path(saved).read_text())
     with pytest.raises(InputError, match="age of the mesh is not known"):
         cortet.fold(of_another)
+
+
+def test_a_page_replaces_no_file_of_the_user(ball, tmp_path):
+    write_surface(ball, tmp_path / "ball.surf.gii")
+    made = cortet.mesh(tmp_path / "ball.surf.gii", cell_size=5.0, progress=False)
+    (tmp_path / "mine.html").write_text("mine")
+    for name in ("ball.surf.gii", "mine.html", "p.txt"):
+        with pytest.raises(InputError):
+            made.page(tmp_path / name)
+    assert (tmp_path / "mine.html").read_text() == "mine"
+    made.page(tmp_path / "p.html")
+    made.page(tmp_path / "p.html")
+    made.page(tmp_path / "mine.html", force=True)

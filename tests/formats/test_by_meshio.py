@@ -331,3 +331,15 @@ def test_nodes_of_nastran_that_are_elsewhere_are_refused(tmp_path, card):
     text = (tmp_path / "m.bdf").read_text()
     (tmp_path / "m.bdf").write_text(text.replace("BEGIN BULK\n", f"BEGIN BULK\n{card}\n"))
     assert card[:7] in refused(tmp_path / "m.bdf")
+
+
+def test_ghost_cells_and_files_cut_off_in_an_array_are_refused(tmp_path):
+    """VTK hides the ones, and reads what is there of the others."""
+    grid = pyvista.UnstructuredGrid({pyvista.CellType.TETRA: CUBE.cells}, CUBE.points)
+    grid["f"] = np.arange(len(CUBE.points), dtype=float)
+    grid.save(tmp_path / "whole.vtk", binary=True)
+    (tmp_path / "cut.vtk").write_bytes((tmp_path / "whole.vtk").read_bytes()[:-100])
+    assert "f" in read_mesh(tmp_path / "whole.vtk").point_data and "Error reading" in refused(tmp_path / "cut.vtk")
+    grid.cell_data["vtkGhostType"] = np.arange(len(CUBE.cells), dtype=np.uint8) % 2
+    grid.save(tmp_path / "ghosts.vtu")
+    assert "ghost cells" in refused(tmp_path / "ghosts.vtu")

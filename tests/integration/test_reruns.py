@@ -19,7 +19,7 @@ from cortet.cohort.lock import NAME
 from cortet.cohort.status import write_failure
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.hashing import sha256
-from cortet.over_all import plan_of_run, report
+from cortet.over_all import RUN, plan_of_run, report
 from tests.integration.study import ROOT, STATUS, Study, scaled, surface, twice
 from tests.integration.test_faults import sabotaged, wait_for
 
@@ -85,6 +85,31 @@ def test_a_result_that_was_deleted_is_made_again_even_for_the_tables_alone(study
     report(study.outputs)
     assert study.status()["sub-a_hemi-L"]["state"] == "unfinished"
     assert (rule, "sub-a") in study.planned_jobs("cohort_tables")
+
+
+def test_the_table_sees_what_no_job_has_remade(study):
+    """A stage that was switched off, a mesh without its record and a damaged export were all certified."""
+
+    def state() -> str:
+        report(study.outputs)
+        return study.status()["sub-a_hemi-L"]["state"]
+
+    assert state() == "certified"
+    (export,) = study.files("sub-a*Solver_sets.vtu")
+    whole = export.read_bytes()
+    export.write_bytes(whole[:3000])
+    assert state() == "unfinished" and "was changed" in study.status()["sub-a_hemi-L"]["reason"]
+    export.write_bytes(whole)
+    assert state() == "certified"
+    (record,) = study.files("sub-a*Ordered_tetmesh.json")
+    aside = record.rename(record.with_suffix(".aside"))
+    assert state() == "unfinished"
+    aside.rename(record)
+    run = study.outputs / RUN
+    recorded = json.loads(run.read_text())
+    recorded["config"]["reconnect"] = {"enabled": False}
+    run.write_text(json.dumps(recorded))
+    assert state() == "unfinished" and "solver_ready" in study.status()["sub-a_hemi-L"]["reason"]
 
 
 def test_a_new_row_runs_one_case_and_the_tables(study):
