@@ -65,29 +65,34 @@ class Views:
     page: Annotated[OutputFile | None, Parameter(metavar="HTML")] = None
 
     def write(self, made: Mesh, temporary: Callable[[Path], Path], files: Mapping[Path, str]) -> None:
-        """Write those that are asked for.
+        """Write those that are asked for; names of those of a mesh that is not certified say so.
 
         Parameters
         ----------
         temporary : gives the temporary file of each
         files : to which the page leads, and what they are
         """
-        given = next(iter(made.native.values()), made.surface)
+        from cortet.api.delivery import file_of
+
+        def named(view: Path) -> Path:
+            return file_of(view, certified=made.certified)
+
         if self.slices:
             from cortet.report.slices import slices
 
-            slices(made.mesh, *next(iter(made.volumes.items())), temporary(self.slices), given.frame)
-            print(f"{self.slices}: drawn")
+            given = next(iter(made.native.values()), made.surface)
+            slices(made.mesh, *next(iter(made.volumes.items())), temporary(named(self.slices)), given.frame)
+            print(f"{named(self.slices)}: drawn")
         if self.picture:
-            made.picture(temporary(self.picture))
-            print(f"{self.picture}: drawn")
+            made.picture(temporary(named(self.picture)))
+            print(f"{named(self.picture)}: drawn")
         if self.page:
             seen_from = self.page.absolute().parent
             links = {
                 os.path.relpath(file.absolute(), seen_from): f"{file.name} ({what})" for file, what in files.items()
             }
-            made.page(temporary(self.page), files=[*links.items()])
-            print(f"{self.page}: written")
+            made.page(temporary(named(self.page)), files=[*links.items()])
+            print(f"{named(self.page)}: written")
 
 
 def mesh(
