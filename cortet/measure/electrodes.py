@@ -168,7 +168,7 @@ def electrode_remarks(mesh: TetMesh, records: Sequence[ElectrodeRecord]) -> list
     mesh : from `with_electrodes`
     """
     told = []
-    made = mesh.point_data.get(FILLED)
+    made, coarse = mesh.point_data.get(FILLED), []
     for one in records:
         load = mesh.point_data[f"{ELECTRODE}{one.name}"]
         if made is not None and (share := float(load[made > 0].sum())) > 0:
@@ -179,10 +179,13 @@ def electrode_remarks(mesh: TetMesh, records: Sequence[ElectrodeRecord]) -> list
         if abs(share - 1) > _HANGING:
             told.append(f"electrode {one.name} touches {share:.0%} of the area of its circle: the surface bends there")
         if one.radius_over_edge < _EDGES:
-            told.append(
-                f"electrode {one.name}: its radius is {one.radius_over_edge:.1f} edges of the mesh, too few for the "
-                f"field right below it (remedy: a cell size of {_FINE * (one.radius_mm or 0):.2g} mm)"
-            )
+            coarse.append((one.radius_over_edge, one.radius_mm or 0.0, one.name))
+    if coarse:
+        least, others = min(coarse), f" and {len(coarse) - 1} others" if len(coarse) > 1 else ""
+        told.append(
+            f"electrode {least[2]}{others}: the radius is {least[0]:.1f} edges of the mesh or more, too few for the "
+            f"field right below (remedy: a cell size of {_FINE * min(radius for _, radius, _ in coarse):.2g} mm)"
+        )
     contacts = [Contact(one.name, one.location_mm, one.radius_mm) for one in records]
     points = np.array([one.location_mm for one in records]).reshape(-1, 3)
     told += [f"electrodes {first} and {second} overlap on the mesh" for first, second, _ in _overlaps(contacts, points)]
