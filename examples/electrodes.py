@@ -71,7 +71,7 @@ for most in (3, 5, 8):
     profile.plot([np.average(seen[one], weights=volumes[one]) for one in near], (1, 2, 3, 4), "o-", label=f"{most} mm")
 profile.invert_yaxis()
 profile.set(xlabel="mean potential (uV) of 1 nA m along the column", ylabel="layer, 1 pial", yticks=(1, 2, 3, 4))
-profile.legend(title="within this distance of A1", frameon=False, loc="upper center")
+profile.legend(title="up to, from A1", frameon=False, loc=(0.4, 0.6))
 figure.savefig("electrodes.png", dpi=100)
 
 assert made.certified and not failed and means[0] > means[3]
