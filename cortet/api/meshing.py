@@ -8,6 +8,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from dataclasses import fields as fields_of
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -31,6 +32,7 @@ from cortet.api.given import (
 from cortet.config import load
 from cortet.errors import InputError
 from cortet.formats import format_of, read_mesh
+from cortet.formats.electrodes import contacts_of
 from cortet.formats.gifti import hemisphere_of, kind_of
 from cortet.formats.ownership import guarded
 from cortet.formats.placement import placed
@@ -43,6 +45,7 @@ from cortet.geometry.kernel_cache import require_threads
 from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested, sheets
 from cortet.measure.certify import with_remarks
+from cortet.measure.electrodes import ElectrodeRecord, around_contacts, electrode_remarks, with_electrodes
 from cortet.measure.layers import require_layers
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, region_names, require_measurable
@@ -235,6 +238,16 @@ class Mesh(Made):
 
         return pd.DataFrame(list(self.tissue_rows), columns=names(TISSUE_COLUMNS))
 
+    def electrodes(self) -> pd.DataFrame:
+        """The contacts on the mesh: distance moved, area beside that of the circle, faces, region, and further numbers.
+
+        The values of a contact at the nodes are the field `electrode_NAME`; they sum to 1.
+        """
+        import pandas as pd
+
+        found = [asdict(record) for record in self.certificate.electrodes]
+        return pd.DataFrame(found, columns=[field.name for field in fields_of(ElectrodeRecord)])
+
     @property
     def regions(self) -> dict[str, int]:
         """Name -> number of each region, from the outside in, as files have them; without inner surfaces by depth."""
@@ -363,6 +376,7 @@ def mesh(
     inner: Mapping[str, SurfaceLike] | None = None,
     fields: Mapping[str, Any] | None = None,
     volumes: Mapping[str, str | Path | spatialimages.SpatialImage | Volume] | None = None,
+    electrodes: Mapping[str, Sequence[float]] | pd.DataFrame | str | Path | None = None,
     sphere: SurfaceLike | None = None,
     settings: Settings | None = None,
     progress: bool | Callable[[Step], None] = True,
@@ -379,6 +393,8 @@ def mesh(
     inner : closed surfaces inside, name of the region within -> surface
     fields : values per vertex (n,) or (n, k) by name, or files of them, which the mesh also gets
     volumes : images whose labels, numbers or tensors the tetrahedra get, by name: NIfTI or MGZ, or NiBabel's images
+    electrodes : contacts, name -> (x, y, z) or (x, y, z, radius), mm, in the coordinates of the surface; or a table
+        with columns `name`, `x`, `y`, `z`, and `radius` or `size` (mm2); or a `*_electrodes.tsv` of BIDS
     sphere : of the surface, through which it is put onto the common mesh (`resample`)
     settings : a configuration file, or its keys by section: {"repair": {"enabled": True}}
     progress : False: silent; a function: called after every stage
@@ -389,7 +405,8 @@ def mesh(
 
     Raises
     ------
-    InputError : the surface cannot be meshed, a volume does not contain it, or a setting is impossible
+    InputError : the surface cannot be meshed, a volume does not contain it, a contact lies outside, or a setting is
+        impossible
     CortetError : a stage failed
 
     Examples
@@ -411,6 +428,8 @@ def mesh(
         require_layers(whole)
     images = read_volumes(volumes or {})
     in_mm = placed(whole, config.placement())
+    contacts = () if electrodes is None else contacts_of(electrodes, in_mm.frame, config.placement())
+    around = around_contacts(contacts, in_mm)
     background = backgrounds(images, in_mm)
     for one in background if progress else ():
         say(one.sentence)
@@ -431,6 +450,7 @@ def mesh(
             gestational_age=origin.age,
             hemi=origin.hemisphere,
             to_mm=config.placement(),
+            contacts=around,
             source=None if source is None else str(source),
             sphere_file=str(sphere) if _file(sphere) else None,
             inner={name: str(file) for name, file in inner_files.items()},
@@ -439,12 +459,13 @@ def mesh(
         progress=teller(progress),
     )
     filled, rows = with_volumes(made.mesh, images, frame=in_mm.frame, background=background)
-    large = [one.sentence for one in background if one.large]
+    filled, records = with_electrodes(filled, contacts, in_mm.inner, config.export.layers)
+    large = [one.sentence for one in background if one.large] + electrode_remarks(filled, records)
     image_files = [volume.file for volume in images.values()]
-    read_from = (source, _file(sphere), *inner_files.values(), *field_files.values(), *image_files)
+    read_from = (source, _file(sphere), *inner_files.values(), *field_files.values(), *image_files, _file(electrodes))
     return Mesh(
         filled,
-        with_remarks(made.certificate, large),
+        with_remarks(replace(made.certificate, electrodes=records), large),
         made.surface,
         origin,
         config,

@@ -14,6 +14,7 @@ import cortet
 from cortet.cli.meshes import print_verdict
 from cortet.cli.shared import MESHES, Configured, Writes, add
 from cortet.cli.values import (
+    Electrodes,
     InnerFiles,
     InputFile,
     Layering,
@@ -108,6 +109,8 @@ def mesh(
     configured: Configured = Configured(),
     volume: NamedFiles = (),
     layers: Layering | None = None,
+    electrodes: InputFile | None = None,
+    electrode: Electrodes = (),
     views: Views = Views(),
     how: Writes = Writes(),
 ) -> int:
@@ -129,6 +132,8 @@ def mesh(
         NIfTI or MGZ whose labels, values or tensors are transferred to tetrahedra; FILE:KIND selects which; repeatable.
     layers
         Number of layers of the cortex, or their shares of its volume, pial first, 1,1,2; needs an inner surface white.
+    electrodes
+        Table of contacts: *_electrodes.tsv of BIDS, or columns name, x, y, z and size in mm2.
 
     Examples
     --------
@@ -141,6 +146,8 @@ def mesh(
     from cortet.meshes import by_region
     from cortet.solver_files.meshed import refuse_uncertified_name, require_own_stem
 
+    if electrodes and electrode:
+        raise UsageError("--electrodes and --electrode exclude each other", remedy="add the contact to the table")
     if views.slices and not volume:
         raise UsageError("--slices needs a volume", remedy="give one: --volume NAME=FILE")
     # a file that cannot be written is refused before the work
@@ -163,11 +170,15 @@ def mesh(
         inner=dict(inner),
         fields=dict(field),
         volumes=dict(volume),
+        electrodes=dict(electrode) or electrodes,
         sphere=sphere,
         settings=settings,
         progress=table_of_stages(),
     )
     print()
+    for contact in made.certificate.electrodes:
+        area = f", {contact.area_mm2:.2f} mm2 on {contact.faces} faces" if contact.area_mm2 else ""
+        print(f"electrode {contact.name}: {contact.kind}, moved {contact.moved_mm:.2f} mm{area}")
     if made.tissue_rows:
         print(printed(TISSUE_COLUMNS, made.tissue_rows) + "\n")
     _deliver(made, output, force=how.force, views=views)

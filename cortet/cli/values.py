@@ -89,6 +89,16 @@ def inner_file(text: str) -> tuple[str, str]:
     return name, file
 
 
+def electrode(text: str) -> tuple[str, tuple[float, ...]]:
+    """NAME=X,Y,Z[,RADIUS]."""
+    name, _, numbers = text.partition("=")
+    with contextlib.suppress(ValueError):
+        values = tuple(float(value) for value in numbers.split(","))
+        if name and len(values) in (3, 4):
+            return name, values
+    raise ValueError(f"{text!r} is not NAME=X,Y,Z or NAME=X,Y,Z,RADIUS")
+
+
 class OutputFile(type(Path())):  # type: ignore[misc]
     """A file that a command writes; every other path among its arguments is an input."""
 
@@ -195,6 +205,11 @@ InnerFiles = Annotated[
     Parameter(
         help="Closed surface inside SURFACE that bounds the region NAME (default: white); repeatable.",
     ),
+]
+Electrodes = Annotated[
+    Sequence[tuple[str, tuple[float, ...]]],
+    pairs(electrode, "NAME=X,Y,Z[,RADIUS]"),
+    Parameter(help="Contact of an electrode, in mm, like the surface; repeatable."),
 ]
 Sizes = Annotated[
     Sequence[tuple[str, float]],

@@ -47,6 +47,7 @@ from cortet.measure.checks import (
     smaller_cells,
     topology_numbers,
 )
+from cortet.measure.electrodes import ElectrodeRecord
 from cortet.measure.fidelity import Fidelity, Native, fidelity, native_record
 from cortet.measure.layers import LayerRecord, layer_records
 from cortet.measure.lost import LostPlace, lost_places
@@ -65,7 +66,7 @@ from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound
 from cortet.meshes import FloatArray, TetMesh, TriSurface, require_measurable
 from cortet.version import __version__
 
-VERSION: int = 14
+VERSION: int = 15
 
 #: of the content of certificate.json; raised where a key changes its name or meaning
 SCHEMA = 2
@@ -119,6 +120,8 @@ class Certificate:
     interfaces: tuple[InterfaceRecord, ...]
     #: the layers of the cortex, if some are asked for
     layers: tuple[LayerRecord, ...]
+    #: the contacts of electrodes, if there are any
+    electrodes: tuple[ElectrodeRecord, ...]
     #: `file` and `sha256` of the input surface
     input: dict[str, str]
     #: hash of the nodes and tetrahedra, which identifies the mesh
@@ -232,6 +235,7 @@ def certify(
         regions=regions,
         interfaces=interface_records(mesh, surface) if surface.inner else (),
         layers=layered,
+        electrodes=(),
         input={} if source is None else {"file": str(source), "sha256": input_sha256(source)},
         mesh_sha256=mesh_sha256(mesh),
         input_repaired=bool(surfaces_of(repairs)),

@@ -37,12 +37,12 @@ def harmonic(mesh: TetMesh, nodes: IntArray, values: FloatArray, guess: FloatArr
     -------
     (n, k) values of all nodes, none outside the range of its column of `values`
     """
-    stiffness = _stiffness(mesh)
+    matrix_of_all = stiffness(mesh)
     inner = np.ones(len(mesh.points), bool)
     inner[nodes] = False
     result = guess.astype(np.float64)
     result[nodes] = values
-    rows = stiffness[inner]
+    rows = matrix_of_all[inner]
     matrix, coupling = rows[:, inner], rows[:, nodes]
     preconditioner = diags(1 / matrix.diagonal())
     with threadpool_limits(1):  # long dot products differ in their last bits with the number of threads
@@ -59,7 +59,7 @@ def harmonic(mesh: TetMesh, nodes: IntArray, values: FloatArray, guess: FloatArr
     return np.clip(result, values.min(axis=0), values.max(axis=0))
 
 
-def _stiffness(mesh: TetMesh) -> csr_matrix:
+def stiffness(mesh: TetMesh) -> csr_matrix:
     """The matrix of the integrals of products of gradients, (n, n), mm.
 
     The gradient of a corner's hat function is -s / 3V, with s the outward area vector of the opposite face.

@@ -56,6 +56,7 @@ def graded_nodes(
     core_depth: float = 0.0,
     plateau: float = 0.0,
     halve: bool = True,
+    balls: FloatArray | None = None,
 ) -> FloatArray:
     """Nodes of lattices inside closed surfaces, finer near smaller triangles and coarser in the core, (n, 3) mm.
 
@@ -72,23 +73,27 @@ def graded_nodes(
     core_depth : mm, depth below the boundary at which cells begin to grow; of no effect when `core_ratio` is 1
     plateau : distance from the boundary where finer lattices begin to grow, over the edge length there
     halve : whether blades too thin for the lattice get nodes half-way between their banks
+    balls : (k, 5) mm, centre and radius of each ball with smaller cells, and the edge length in it, as `size`
     """
     tree = tree_of(boundary)
     kept, before = np.zeros((0, 3)), 0.0
-    ratios = _ratios(size.min() / edge_length, core_ratio)
+    around = np.zeros((0, 5)) if balls is None else balls
+    centres, sizes = np.concatenate([boundary.points, around[:, :3]]), np.concatenate([size, around[:, 4]])
+    flat = np.concatenate([plateau * size, around[:, 3]])
+    ratios = _ratios(sizes.min() / edge_length, core_ratio)
     for ratio in ratios:
         spacing = cell_size * ratio
         if ratio == ratios[-1]:
             nodes = _inside(boundary, CONSTANT * spacing)
         else:
             if ratio < 1:
-                reach = (edge_length * ratio * _STEP**0.5 - size) / GROWTH
+                reach = (edge_length * ratio * _STEP**0.5 - sizes) / GROWTH
                 near = reach > 0
-                reach = reach + plateau * size
+                reach = reach + flat
             else:
-                reach = np.full(len(size), core_depth + edge_length * (ratio - 1) / CORE_GROWTH)
-                near = reach > 0
-            nodes = _near_inside(boundary, CONSTANT * spacing, boundary.points[near], reach[near])
+                reach = np.full(len(sizes), core_depth + edge_length * (ratio - 1) / CORE_GROWTH)
+                near = (reach > 0) & (np.arange(len(sizes)) < len(size))
+            nodes = _near_inside(boundary, CONSTANT * spacing, centres[near], reach[near])
         nodes = nodes[~closer_than(tree, nodes, GAP * spacing)]
         kept = np.concatenate([kept, _apart(nodes, kept, APART * cell_size * (ratio + before) / 2)])
         before = ratio

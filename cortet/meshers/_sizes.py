@@ -1,4 +1,4 @@
-"""Smaller cell sizes given by a field, or at the surface of a region."""
+"""Smaller cell sizes given by a field, at the surface of a region, or around contacts of electrodes."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ import numpy as np
 from cortet.config.stages import Generate
 from cortet.errors import InputError
 from cortet.geometry.nesting import sheets
-from cortet.meshers._remesh import SHORTEST
+from cortet.meshers._remesh import GROWTH, SHORTEST
 from cortet.meshes import FloatArray, TriSurface, region_names
 
+#: cells that the radius of a contact is divided into: edges are up to 1.25 times as long, so it has three of them
+CELLS_OF_RADIUS = 3.75
+NO_CONTACTS = np.zeros((0, 4))
 _REMEDY = "for finer cells, choose a smaller cell size"
 
 
@@ -34,9 +37,21 @@ def require_sizes(sizes: Mapping[str, float], surface: TriSurface, cell_size: fl
             )
 
 
-def sizes_on(surface: TriSurface, settings: Generate, cell_size: float) -> list[FloatArray] | None:
-    """The cell size at each vertex of each surface, (n,) mm, infinite where none is given; None if none is anywhere."""
-    if settings.size_field is None and not settings.sizes:
+def size_of_contacts(contacts: FloatArray, cell_size: float) -> FloatArray:
+    """The cell size at contacts (k, 4), (k,) mm: a third of the radius, but not too small for this cell size."""
+    return np.clip(contacts[:, 3] / CELLS_OF_RADIUS, SHORTEST * cell_size, cell_size)
+
+
+def sizes_on(
+    surface: TriSurface, settings: Generate, cell_size: float, contacts: FloatArray = NO_CONTACTS
+) -> list[FloatArray] | None:
+    """The cell size at each vertex of each surface, (n,) mm, infinite where none is given; None if none is anywhere.
+
+    Parameters
+    ----------
+    contacts : as `mesher.Facts` has them
+    """
+    if settings.size_field is None and not settings.sizes and not len(contacts):
         return None
     found = (
         [np.full(len(one.points), np.inf) for one in sheets(surface)]
@@ -44,7 +59,12 @@ def sizes_on(surface: TriSurface, settings: Generate, cell_size: float) -> list[
         else _by_field(surface, settings.size_field, cell_size)
     )
     asked = [settings.sizes.get(region, np.inf) for region in region_names(surface.inner)]
-    return [np.minimum(of_field, size) for of_field, size in zip(found, asked, strict=True)]
+    found = [np.minimum(of_field, size) for of_field, size in zip(found, asked, strict=True)]
+    for contact, size in zip(contacts, size_of_contacts(contacts, cell_size), strict=True):
+        for of_one, one in zip(found, sheets(surface), strict=True):
+            beyond = np.linalg.norm(one.points - contact[:3], axis=1) - contact[3]
+            np.minimum(of_one, size + GROWTH * np.maximum(beyond, 0), out=of_one)
+    return found
 
 
 def _by_field(surface: TriSurface, name: str, cell_size: float) -> list[FloatArray]:

@@ -47,7 +47,7 @@ def fill(surface: TriSurface, settings: Generate, facts: Facts) -> Filled:
         edge = fraction * facts.cell_size
         distance = settings.surface_distance * facts.cell_size
         followed = _coarsened(surface, edge, distance)
-        sizes = sizes_on(followed, settings, facts.cell_size)
+        sizes = sizes_on(followed, settings, facts.cell_size, facts.contacts)
         longest = None if sizes is None else [fraction * size for size in sizes]
         made = remesh_apart(followed, wanted(followed, edge, distance, across=facts.elements_across, longest=longest))
         if followed is not surface:
@@ -130,7 +130,9 @@ def _nodes(
     """Nodes inside the region that some of the remeshed surfaces bound, (n, 3) mm."""
     from cortet.geometry.nesting import joined, turned
     from cortet.meshers._lattice import graded_nodes
+    from cortet.meshers._sizes import size_of_contacts
 
+    around = size_of_contacts(facts.contacts, facts.cell_size)
     first, *within = [made[one].surface for one in bounds]
     plateau = 0.0
     if facts.elements_across > 1:
@@ -145,6 +147,7 @@ def _nodes(
         core_depth=settings.core_depth,
         plateau=plateau,
         halve=not within,  # a layer between two surfaces is better without
+        balls=np.column_stack([facts.contacts, edge / facts.cell_size * around]),
     )
 
 

@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from cortet.meshes import TetMesh, TriSurface
+import numpy as np
+
+from cortet.meshes import FloatArray, TetMesh, TriSurface
 
 if TYPE_CHECKING:
     from cortet.config.stages import Generate
@@ -22,6 +24,8 @@ class Facts(NamedTuple):
     elements_across: int
     #: minutes that a mesher of another project may take; None: no limit
     time_limit: float | None
+    #: (k, 4) mm, locations and radii of contacts of electrodes, around which cells become smaller
+    contacts: FloatArray = np.zeros((0, 4))
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from cortet.formats.tags import TOO_LARGE, region_numbers
 from cortet.formats.tags import regions as regions_of
 from cortet.geometry.closest_point import closer_than, closest_points, surface_tree
 from cortet.geometry.topology import boundary_faces, interfaces
+from cortet.measure.electrodes import ELECTRODE
 from cortet.measure.layers import NUMBER, bounds_of, cortex_and_white, cortical_layers
 from cortet.meshes import AROUND, BRAIN, REGION, IntArray, MeshSets, TetMesh, is_brain, region_names
 
@@ -49,7 +50,7 @@ def named_sets(
     tags: str | None = None,
     layers: Sequence[float] | None = None,
 ) -> TetMesh:
-    """The mesh with its sets, which replace those that it had.
+    """The mesh with its sets, which replace those that it had but for sets of contacts of electrodes.
 
     Parameters
     ----------
@@ -125,7 +126,9 @@ def named_sets(
         _require_free(regions, of_layers, "set")
         regions |= of_layers
     filled = {name: members for name, members in regions.items() if len(members)}
-    named = replace(mesh, sets=MeshSets(sets.nodes, sets.faces, filled))
+    of_contacts = _of_contacts(mesh.sets)
+    all_faces, all_cells = sets.faces | of_contacts.faces, filled | of_contacts.cells
+    named = replace(mesh, sets=MeshSets(sets.nodes, all_faces, all_cells))
     return tagged(named, tags) if tags else named
 
 
@@ -249,6 +252,12 @@ def _are_labels(given: NDArray[Any], sets: Mapping[str, IntArray], regions: Coll
     """Whether each number has a set of exactly its tetrahedra besides the sets of regions."""
     others = {cells.tobytes() for name, cells in sets.items() if name not in (*regions, CORTEX, CORE)}
     return all(np.flatnonzero(given == number).astype(np.int32).tobytes() in others for number in np.unique(given))
+
+
+def _of_contacts(sets: MeshSets) -> MeshSets:
+    """Those of some sets that belong to contacts of electrodes."""
+    kinds = (sets.nodes, sets.faces, sets.cells)
+    return MeshSets(*({name: one for name, one in kind.items() if name.startswith(ELECTRODE)} for kind in kinds))
 
 
 def _outer_faces(mesh: TetMesh, brain: Sequence[int]) -> IntArray:

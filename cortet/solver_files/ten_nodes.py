@@ -9,7 +9,7 @@ VTU, XDMF and Gmsh files, and knows the order of midside nodes in each; Abaqus a
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from cortet.formats.surface_sets import members, sides, with_surface
 from cortet.formats.tags import face_tags, region_numbers, regions
 from cortet.geometry.quadratic import EDGES, QuadraticMesh
 from cortet.geometry.topology import TRI_EDGES, boundary_nodes, unit_vectors
+from cortet.measure.electrodes import ELECTRODE
 from cortet.measure.layers import COLUMN
 from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
 from cortet.solver_files.names import held, left_out, writable
@@ -55,7 +56,11 @@ def write_ten_nodes(mesh: TetMesh, curved: QuadraticMesh, path: Path) -> list[st
             remedy=f"use {', '.join(_WRITERS)}",
         )
     (writer, holds), form = _WRITERS[path.suffix], format_of(path)
+    loads = [name for name in mesh.point_data if name.startswith(ELECTRODE)]
+    mesh = replace(mesh, point_data={name: values for name, values in mesh.point_data.items() if name not in loads})
     mesh, renamed = writable(with_surface(mesh), form.name)
+    if loads:
+        renamed.append(f"left out, because loads of contacts are those of four-node elements: {', '.join(loads)}")
     sets = MeshSets(node_sets(mesh, curved), mesh.sets.faces, mesh.sets.cells)
     with atomic_folder(path) as folder:
         writer(mesh, curved, sets, folder / path.name)

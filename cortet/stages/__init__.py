@@ -86,6 +86,7 @@ def _generate(state: State, config: Config, about: About) -> Result:
             cell_size=about.cell_size,
             mesher=about.mesher,
             elements_across=config.regions.elements_across,
+            contacts=about.contacts,
         )
     )
 
@@ -188,7 +189,7 @@ LINE = (
         function=_generate,
         gives="mesh",
         settings_of_nested=("regions.elements_across",),
-        about=("cell_size", "mesher"),
+        about=("cell_size", "mesher", "contacts"),
         number="S1",
         shared_by_settings=True,
     ),

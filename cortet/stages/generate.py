@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from cortet.config.stages import Generate
 from cortet.errors import InputError
@@ -50,6 +53,7 @@ def generate(
     mesher: str | None = None,
     elements_across: int = 1,
     time_limit: float | None = None,
+    contacts: Sequence[tuple[float, float, float, float]] = (),
 ) -> tuple[TetMesh, GenerateReport]:
     """Mesh the inside of a closed surface.
 
@@ -65,6 +69,8 @@ def generate(
     elements_across : least number of tetrahedra between `surface` and those inside it; edges become shorter for this,
         down to `meshers._remesh.SHORTEST` of their length elsewhere
     time_limit : minutes that a mesher of another project may take; None for no limit
+    contacts : location and radius, mm, of contacts of electrodes: where the mesher takes sizes, cells around each
+        become smaller, down to a third of its radius or `meshers._remesh.SHORTEST` of the cell size
 
     Returns
     -------
@@ -89,7 +95,9 @@ def generate(
     turn = random_rotation(seed)
     if seed:
         surface = _turned(surface, turn)
-    facts = Facts(cell_size, elements_across, time_limit)
+    around = np.array(contacts).reshape(-1, 4)
+    around[:, :3] = around[:, :3] @ turn if seed else around[:, :3]
+    facts = Facts(cell_size, elements_across, time_limit, around)
     filled = chosen.fill(surface, settings, facts)
     if chosen.may_change_topology and filled.attempts[-1].problems and settings.fallback:
         again = MESHERS[settings.fallback].fill(surface, settings, facts)

@@ -63,6 +63,8 @@ class About(BaseModel, frozen=True, extra="forbid"):
     to_mm: float | None = None
     #: whether the surface lies inside another one
     inside: bool = False
+    #: location and radius, mm, of each contact of an electrode around which cells become smaller
+    contacts: tuple[tuple[float, float, float, float], ...] = ()
     #: files of the surface and of its sphere, which messages and reports name
     source: str | None = None
     sphere_file: str | None = None

@@ -1,0 +1,159 @@
+"""Contacts of electrodes: tables of BIDS (`*_electrodes.tsv`), tables in memory, and coordinates by name."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from cortet.errors import InputError
+from cortet.formats.placement import UNITS
+from cortet.formats.tsv import MISSING, read_tsv
+from cortet.formats.untrusted import by_library, content
+from cortet.meshes import CoordinateFrame, FloatArray
+
+#: what the name of a contact must match: it stands in names of fields and sets
+NAME = r"[A-Za-z0-9][A-Za-z0-9_'-]*"
+#: largest radius, mm: that of the pads of stimulation
+MOST_RADIUS = 100.0
+#: what BIDS calls coordinates that are the surface's if whoever wrote them says so, and those of the scanner
+_OWN, _SCANNER = "Other", "ScanRAS"
+_FORM = "give (x, y, z) or (x, y, z, radius), mm"
+
+
+class Contact(NamedTuple):
+    """A contact, in the coordinates of the surface."""
+
+    name: str
+    #: mm
+    point: tuple[float, float, float]
+    #: mm; None: a point
+    radius: float | None
+
+
+def contacts_of(given: Any, frame: CoordinateFrame, to_mm: float | None = None) -> tuple[Contact, ...]:
+    """Contacts from what a user gives.
+
+    Parameters
+    ----------
+    given : name -> (x, y, z) or (x, y, z, radius); a frame with columns `name`, `x`, `y`, `z`, and `radius` or `size`;
+        or a file of BIDS
+    frame : of the surface
+    to_mm : as `placement.placed` takes it, for what does not state its unit
+
+    Raises
+    ------
+    InputError : a name or number cannot be, or two contacts have one name
+    """
+    file = given if isinstance(given, str | Path) else None
+    to_surface, scale = np.eye(4), to_mm or 1.0
+    if file is not None:
+        file = Path(file)
+        to_surface, unit = _system(file, frame)
+        scale = scale if unit is None else unit
+        given = read_tsv(file)
+    rows = _rows(given, file) if hasattr(given, "columns") else _of_mapping(given)
+    found: dict[str, Contact] = {}
+    for name, values, where in rows:
+        contact = _contact(name, values, scale, file=where or file)
+        if other := found.get(contact.name.lower()):
+            named = f"two contacts have the name {other.name} (some solvers ignore case)"
+            raise InputError(named, file=where or file, remedy="use two names")
+        x, y, z = (to_surface @ [*contact.point, 1.0])[:3].tolist()
+        found[contact.name.lower()] = contact._replace(point=(x, y, z))
+    if not found:
+        raise InputError("there is no contact", file=file, remedy=_FORM)
+    return tuple(found.values())
+
+
+def _of_mapping(given: Any) -> Iterable[tuple[Any, Any, None]]:
+    if not isinstance(given, Mapping):
+        raise InputError(f"{type(given).__name__} is no table of contacts", remedy='give {"A1": (x, y, z, radius)}')
+    return ((name, values, None) for name, values in given.items())
+
+
+def _rows(table: Any, file: Path | None) -> Iterable[tuple[Any, Any, str | None]]:
+    """Name, coordinates and radius of each row of a table, and its line in the file."""
+    missing = [name for name in ("name", "x", "y", "z") if name not in table.columns]
+    if missing:
+        what = f"has no column {missing[0]} (its columns: {', '.join(map(str, table.columns))})"
+        raise InputError(f"the table of electrodes {what}", file=file, remedy="give name, x, y, z, and size in mm2")
+    for line, row in zip(table.index, table.to_dict("records"), strict=True):
+        size, radius = row.get("size", MISSING), row.get("radius", MISSING)
+        if not _is_missing(size) and _is_missing(radius):
+            area = _number(size)
+            radius = math.sqrt(area / math.pi) if area > 0 else size
+        values = [row["x"], row["y"], row["z"], *([] if _is_missing(radius) else [radius])]
+        yield row["name"], values, None if file is None else f"{file}, line {line}"
+
+
+def _contact(name: Any, values: Any, scale: float, *, file: object) -> Contact:
+    """One contact in mm; InputError names it and the value."""
+    if not (isinstance(name, str) and re.fullmatch(NAME, name)):
+        what = f"{name!r} cannot be the name of a contact"
+        raise InputError(what, file=file, remedy="use letters, digits, -, _ and ', a letter or digit first")
+    try:
+        count = len(values)
+    except TypeError:
+        count = 0
+    if isinstance(values, str) or count not in (3, 4):
+        raise InputError(f"electrode {name}: {values!r} are no coordinates", file=file, remedy=_FORM)
+    numbers = [scale * _number(value) for value in values[:3]]
+    radius = None if count == 3 or values[3] is None else scale * _number(values[3])
+    if not all(map(math.isfinite, numbers)):
+        what = f"electrode {name} has the coordinates {', '.join(map(str, values[:3]))}"
+        raise InputError(what, file=file, remedy="give three numbers, or leave the contact out")
+    if radius is not None and not 0 < radius <= MOST_RADIUS:
+        what = f"electrode {name} has the radius or size {values[3]}"
+        raise InputError(what, file=file, remedy=f"give a radius above 0 and up to {MOST_RADIUS:g} mm, or none")
+    x, y, z = numbers
+    return Contact(name, (x, y, z), radius)
+
+
+def _number(value: Any) -> float:
+    try:
+        return math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError):
+        return math.nan
+
+
+def _is_missing(value: Any) -> bool:
+    return value is None or value in ("", MISSING) or (isinstance(value, float) and math.isnan(value))
+
+
+def _system(table: Path, frame: CoordinateFrame) -> tuple[FloatArray, float | None]:
+    """The matrix from the coordinates of a table of BIDS to those of the surface, and the length of their unit, mm.
+
+    Without a `*_coordsystem.json` beside the table, both are the surface's, and the unit is None.
+    """
+    stem = table.name.removesuffix(".tsv").removesuffix("_electrodes")
+    names = dict.fromkeys([stem, re.sub("_space-[^_]+", "", stem)])
+    files = (table.with_name(f"{name}_coordsystem.json") for name in names)
+    file = next((one for one in files if one.is_file()), None)
+    if file is None or not table.name.endswith("_electrodes.tsv"):
+        return np.eye(4), None
+    with by_library("a coordinate system", file):
+        record: Any = json.loads(content(file))
+        stated = {key: record.get(f"iEEG{key}") or record.get(f"EEG{key}") for key in _KEYS}
+    system, unit = (stated[key] for key in _KEYS)
+    if unit not in UNITS:
+        remedy = f"give coordinates in one of {', '.join(UNITS)}"
+        raise InputError(f"the coordinates of the electrodes are in the unit {unit}", file=file, remedy=remedy)
+    if system == _SCANNER and frame.is_placed:
+        return np.linalg.inv(frame.to_scanner).astype(np.float64), UNITS[unit]
+    if system != _OWN:
+        why = ", and the surface does not state its location in the scanner" if system == _SCANNER else ""
+        raise InputError(
+            f"the electrodes are in the space {system}, not in the coordinates of the surface{why}",
+            file=file,
+            remedy=f"transform them to the coordinates of the surface, and call the space {_OWN}",
+        )
+    return np.eye(4), UNITS[unit]
+
+
+_KEYS = ("CoordinateSystem", "CoordinateUnits")
