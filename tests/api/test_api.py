@@ -21,6 +21,7 @@ from cortet.formats.gifti import write_fields, write_surface
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import Certificate
 from cortet.meshes import TriSurface
+from cortet.solver_files.meshed import cell_size_of
 from cortet.solver_files.sidecar import sidecar_path
 
 COARSE = 2.5
@@ -318,3 +319,10 @@ def test_a_page_replaces_no_file_of_the_user(ball, tmp_path):
     made.page(tmp_path / "p.html")
     made.page(tmp_path / "p.html")
     made.page(tmp_path / "mine.html", force=True)
+
+
+def test_a_certificate_of_another_mesh_of_the_same_name_gives_no_cell_size(ball, tmp_path):
+    write_surface(ball, tmp_path / "ball.surf.gii")
+    for size, name in ((3.5, "y.vtu"), (3.0, "y.inp")):
+        cortet.mesh(tmp_path / "ball.surf.gii", size, progress=False).save(tmp_path / name, force=True)
+    assert cell_size_of(tmp_path / "y.inp") == 3.0 and cell_size_of(tmp_path / "y.vtu") is None
