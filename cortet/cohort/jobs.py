@@ -103,7 +103,7 @@ class Jobs:
         case, inner = self.sources.case(job), inner_of(job)
         if inner and inner not in case.inner:
             return ""
-        line, more = self.inputs.line(job), list[object]()
+        line, about, more = self.inputs.line(job), self.about(job), list[object]()
         names = [stage.name for stage in line]
         if rule in names:
             line, read = line[: names.index(rule) + 1], self.sources.paths(job)
@@ -111,7 +111,7 @@ class Jobs:
             read = self.sources.all_paths(job) | self.sources.volume_paths(job)
             more = [self.plan.config.export.values(), self.plan.config.fold.model_dump(mode="json")]
             more += [case.extra, sorted(case.fields), sorted(case.volumes)]
-        done = [stage.record(self._config_of(stage, job), self.about(job)) for stage in line]
+        done = [stage.record(self._config_of(stage, job), about) for stage in line]
         told = json.dumps([rule, done, content(read), *more], default=str)
         return hashlib.sha256(told.encode()).hexdigest()
 

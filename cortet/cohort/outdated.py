@@ -14,7 +14,7 @@ from cortet.cohort.jobs import Jobs
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import Case
 from cortet.cohort.states import CERTIFICATE, OUTDATED, States, certificates_of, has_other_input
-from cortet.formats.ownership import files_of, json_of
+from cortet.formats.ownership import files_of, json_of, mesh_of
 
 #: ends of the names of what a mesh has that failed
 _OF_FAILURE = ("Solver_report.html", "Solver_thumbnail.webp")
@@ -68,7 +68,7 @@ def set_aside(states: States, *, dropped: bool = False) -> list[str]:
 
 def _is_of_another_mesh(file: Path, certificate: Path) -> bool:
     """Whether a file for solvers has, by its sidecar, another mesh than a certificate; false if either is missing."""
-    of_file = (json_of(file.with_name(f"{file.name}.json")).get("made_from") or {}).get("mesh_sha256")
+    of_file = mesh_of(file.with_name(f"{file.name}.json"))
     return of_file is not None and of_file != json_of(certificate).get("mesh_sha256", of_file)
 
 

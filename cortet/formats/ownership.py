@@ -232,6 +232,12 @@ def changed_of(record: Path) -> list[Path]:
     return [path for path in newer if sha256(path) != beside[path]]
 
 
+def mesh_of(record: Path) -> str | None:
+    """`hashing.mesh_sha256` of the mesh that a file was written from, by its sidecar; None if that does not say."""
+    made_from = json_of(record).get("made_from")
+    return made_from.get("mesh_sha256") if isinstance(made_from, dict) else None
+
+
 def delete_made(record: Path) -> None:
     """Delete the files that a record lists, unless they changed since, and the record itself."""
     files = files_of(record)

@@ -97,8 +97,8 @@ def around_contacts(contacts: Sequence[Contact], surface: TriSurface) -> tuple[t
     """Location and radius, mm, of each contact around which cells are to become smaller, as `seated` checks them."""
     if not contacts:
         return ()
-    places = zip(contacts, seated(contacts, surface).tolist(), strict=True)
-    return tuple((x, y, z, contact.radius) for contact, (x, y, z) in places if contact.radius is not None)
+    located = zip(contacts, seated(contacts, surface).tolist(), strict=True)
+    return tuple((x, y, z, contact.radius) for contact, (x, y, z) in located if contact.radius is not None)
 
 
 def with_electrodes(

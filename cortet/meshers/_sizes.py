@@ -14,7 +14,6 @@ from cortet.meshes import FloatArray, TriSurface, region_names
 
 #: cells that the radius of a contact is divided into: edges are up to 1.25 times as long, so it has three of them
 CELLS_OF_RADIUS = 3.75
-NO_CONTACTS = np.zeros((0, 4))
 _REMEDY = "for finer cells, choose a smaller cell size"
 
 
@@ -43,7 +42,7 @@ def size_of_contacts(contacts: FloatArray, cell_size: float) -> FloatArray:
 
 
 def sizes_on(
-    surface: TriSurface, settings: Generate, cell_size: float, contacts: FloatArray = NO_CONTACTS
+    surface: TriSurface, settings: Generate, cell_size: float, contacts: FloatArray
 ) -> list[FloatArray] | None:
     """The cell size at each vertex of each surface, (n,) mm, infinite where none is given; None if none is anywhere.
 

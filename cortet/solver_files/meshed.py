@@ -15,7 +15,7 @@ from typing import Any, Literal
 from cortet.errors import DamagedFileError, InputError
 from cortet.formats.gifti import hemisphere_of, kind_of, read_surface, write_surface
 from cortet.formats.hashing import input_sha256
-from cortet.formats.ownership import json_of
+from cortet.formats.ownership import json_of, mesh_of
 from cortet.geometry.nesting import nested, sheets
 from cortet.meshes import BRAIN, OUTERMOST, TriSurface, region_names
 from cortet.solver_files.sidecar import read_sidecar, sidecar_path
@@ -111,8 +111,7 @@ def certificate_file(mesh: Path) -> Path:
 def certificate_beside(mesh: Path) -> dict[str, Any]:
     """Content of `certificate_file`; empty without one, or if the sidecar says that it is of another mesh."""
     found = json_of(certificate_file(mesh))
-    own = (json_of(sidecar_path(mesh)).get("made_from") or {}).get("mesh_sha256")
-    return found if own in (None, found.get("mesh_sha256")) else {}
+    return found if mesh_of(sidecar_path(mesh)) in (None, found.get("mesh_sha256")) else {}
 
 
 def repair_of(mesh: Path, surface: Path | None) -> dict[str, Any]:
