@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import SupportsInt
 
 
 class CortetError(Exception):
@@ -43,6 +44,11 @@ class DamagedFileError(InputError):
 
 class StageError(CortetError):
     """A stage could not produce a valid result from valid input."""
+
+
+def counted(count: SupportsInt, one: str, many: str = "") -> str:
+    """A number and the words for what it counts: ``1 node belongs`` of these words, ``1,234 nodes belong`` of many."""
+    return f"{int(count):,} {one if int(count) == 1 else many or one + 's'}"
 
 
 def place_mm(point: Iterable[float]) -> str:

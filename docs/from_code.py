@@ -373,7 +373,12 @@ def texts(node: ast.expr, known: dict[str, list[ast.expr]]) -> list[str]:
     if isinstance(node, ast.Name) and node.id in known:
         return [text for value in known[node.id] for text in texts(value, {**known, node.id: []})] or [GAP]
     parts: list[list[str]] = [[GAP]]
-    if isinstance(node, ast.JoinedStr):
+    if isinstance(node, ast.FormattedValue) and isinstance(node.value, ast.Call):
+        node = node.value
+    if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "counted":
+        plural = [text for argument in node.args[1:] for text in texts(argument, known)]
+        parts = [[f"{GAP} {plural[1] if plural[1:] else plural[0] + 's'}"]]
+    elif isinstance(node, ast.JoinedStr):
         parts = [texts(value, known) for value in node.values]
     elif isinstance(node, ast.FormattedValue) and getattr(node.value, "id", "") in known:
         parts = [[text if " " in text else GAP for text in texts(node.value, known)]]

@@ -13,7 +13,7 @@ import numpy as np
 from cortet.api.given import Settings, SurfaceLike, sections, surface
 from cortet.api.meshing import Mesh, teller, tetrahedra
 from cortet.config import Config, load
-from cortet.errors import InputError
+from cortet.errors import InputError, counted
 from cortet.formats.gifti import read_surface
 from cortet.formats.hashing import input_sha256
 from cortet.formats.ownership import guarded
@@ -283,7 +283,8 @@ def _oriented(mesh: TetMesh, file: Path | None) -> IntArray:
     volumes = signed_volumes(mesh.points, mesh.cells)
     if flat := int((volumes == 0).sum()):
         raise InputError(
-            f"{flat} tetrahedra have no volume, the first is number {int(np.argmax(volumes == 0))}",
+            f"{counted(flat, 'tetrahedron has', 'tetrahedra have')} no volume, the first is number "
+            f"{int(np.argmax(volumes == 0))}",
             file=file,
             remedy="mesh the surface again",
         )

@@ -22,6 +22,7 @@ from cortet.cli.values import (
     Picture,
     number,
 )
+from cortet.errors import counted
 from cortet.formats.ownership import may_write
 from cortet.geometry.limits import FOLD_AGES
 
@@ -101,7 +102,7 @@ def fold(
     folded = cortet.fold(file, ga, hemi, folder=output, progress=progress, **keys)
     print(f"\n{folded.verdict['reason']}")
     for files in folded.surfaces.values():
-        print(f"{files['surface']}: written, with {len(files) - 1} maps")
+        print(f"{files['surface']}: written, with {counted(len(files) - 1, 'map')}")
     measure = settings.picture
     maps = {week: (files["surface"], files[measure]) for week, files in folded.surfaces.items()} if measure else {}
     for path in draw(output, folded.hemi, settings.real_surfaces_of(folded.hemi), maps, measure):

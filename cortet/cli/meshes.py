@@ -24,7 +24,7 @@ from cortet.cli.values import (
     Picture,
     number,
 )
-from cortet.errors import InputError, UsageError
+from cortet.errors import InputError, UsageError, counted
 from cortet.geometry.limits import MOST_LAYERS
 
 if TYPE_CHECKING:
@@ -217,7 +217,8 @@ def quadratic(
     told = write_ten_nodes(mesh, curved, output)
     straight = curved.straightened_for_elements + curved.straightened_for_crossings
     print(
-        f"{curved.curved} edges follow the surface (midside nodes moved by up to {curved.largest_move_mm:.3f} mm); "
+        f"{counted(curved.curved, 'edge follows', 'edges follow')} the surface (midside nodes moved by up "
+        f"to {curved.largest_move_mm:.3f} mm); "
         f"{straight} stay straight"
     )
     print(f"smallest Jacobian determinant, relative to the straight element: {curved.least_jacobian:.3f}")
@@ -337,7 +338,7 @@ def project(
     for line in told:
         print(f"{result}: {line}")
     write_fields(fields, output, hemisphere=hemisphere)
-    print(f"{output}: {len(fields)} fields of {len(found.points):,} vertices: {', '.join(fields)}")
+    print(f"{output}: {counted(len(fields), 'field')} of {len(found.points):,} vertices: {', '.join(fields)}")
     return 0
 
 

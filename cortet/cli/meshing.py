@@ -26,7 +26,7 @@ from cortet.cli.values import (
     Sizes,
     number,
 )
-from cortet.errors import UsageError
+from cortet.errors import UsageError, counted
 from cortet.formats import format_of
 from cortet.formats.ownership import may_write, refuse_companion
 from cortet.geometry.limits import SCAN_AGES
@@ -177,7 +177,7 @@ def mesh(
     )
     print()
     for contact in made.certificate.electrodes:
-        area = f", {contact.area_mm2:.2f} mm2 on {contact.faces} faces" if contact.area_mm2 else ""
+        area = f", {contact.area_mm2:.2f} mm2 on {counted(contact.faces, 'face')}" if contact.area_mm2 else ""
         print(f"electrode {contact.name}: {contact.kind}, moved {contact.moved_mm:.2f} mm{area}")
     if made.tissue_rows:
         print(printed(TISSUE_COLUMNS, made.tissue_rows) + "\n")

@@ -15,7 +15,7 @@ from cyclopts.validators import mutually_exclusive
 
 from cortet.cli.shared import COHORTS, OTHERS, Common, Configured, add, with_keys
 from cortet.cli.values import CheckedOutput, Formats, Hemisphere, InputFile, O, Setting, number
-from cortet.errors import InputError
+from cortet.errors import InputError, counted
 
 #: what becomes of a sheet that is there
 _EXISTING = Group("Existing sheet", validator=mutually_exclusive)
@@ -79,10 +79,10 @@ def scan(
     cases = scan(folder, patterns.model_copy(update={"pial": True}) if pial else patterns, print)
     if exists and update:
         found, cases = len(cases), add_to_sheet(cases, output)
-        print(f"{output}: {found} surfaces, {len(cases)} of them new and added")
+        print(f"{output}: {counted(found, 'surface')}, {len(cases)} new and added")
     else:
         write_sheet(cases, output)
-        print(f"{output}: {len(cases)} surfaces")
+        print(f"{output}: {counted(len(cases), 'surface')}")
     for notice in ageless_notice(cases, smoothed=False, folded=True):
         print(f"  {notice}")
     return 0
@@ -186,7 +186,7 @@ def run(
     if fold:
         settings = with_keys(settings, "fold", cases="all")
     cases = app.find(bids_dir, selection, settings, print)
-    print(f"{len(cases)} surface{'' if len(cases) == 1 else 's'} of {bids_dir}", flush=True)
+    print(f"{counted(len(cases), 'surface')} of {bids_dir}", flush=True)
     for case in cases if dry_run else ():
         age = "age unknown" if case.scan_age is None else f"{case.scan_age:g} weeks"
         print(f"  {case.name}  {age}  {case.surface}", flush=True)

@@ -21,7 +21,7 @@ from cortet.cli.values import (
     SurfaceFile,
     number,
 )
-from cortet.errors import CortetError, InputError
+from cortet.errors import CortetError, InputError, counted
 from cortet.formats.atomic import recorded
 from cortet.formats.ownership import may_write
 from cortet.geometry.limits import PHANTOM_AGES, SCAN_AGES, SUBDIVISIONS, THICKNESS_MM
@@ -231,7 +231,10 @@ def layers(
     for depth, surface, file in zip(depths, surfaces, files, strict=True):
         write_surface(surface, file, like=white)
         crossing = len(self_intersections(surface))
-        print(f"{file}: depth {depth:.3f}" + (f", {crossing} triangles intersect others" if crossing else ""))
+        print(
+            f"{file}: depth {depth:.3f}"
+            + (f", {counted(crossing, 'triangle intersects', 'triangles intersect')} others" if crossing else "")
+        )
     return 0
 
 

@@ -14,7 +14,7 @@ from cortet.cohort.ages import ages_at_scan
 from cortet.cohort.bids import DESCRIPTION, is_own_output
 from cortet.cohort.sheet import HEMISPHERES, WHITE, Case, is_file_name
 from cortet.config import Scan
-from cortet.errors import InputError
+from cortet.errors import InputError, counted
 from cortet.formats.ownership import json_of
 from cortet.formats.untrusted import ELSEWHERE, content_is_elsewhere, is_there
 
@@ -205,7 +205,7 @@ def _none_found(directory: Path, patterns: Scan, pials: Sequence[Path]) -> Input
         what = "is the folder of one subject"
         remedy = f"give the folder that holds all subjects: {directory.absolute().parent}"
     elif pials:
-        what = f"no white surfaces found, only {len(pials)} pial surfaces, for example {pials[0]}"
+        what = f"no white surfaces found, only {counted(len(pials), 'pial surface')}, for example {pials[0]}"
         remedy = "add white surfaces; or name pial surfaces in cohort.scan.surfaces, to mesh in one region"
     return InputError(what, file=directory, remedy=remedy)
 

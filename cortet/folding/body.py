@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from cortet.errors import InputError
+from cortet.errors import InputError, counted
 from cortet.folding.fields import MASK_FIELD, THICKNESS_FIELD, node_field
 from cortet.folding.law import depth_of_share, growth_share
 from cortet.formats.surface_sets import INTERFACE
@@ -105,7 +105,8 @@ def require_positive(volumes: FloatArray) -> None:
     if not volumes.min() > 0:
         worst, bad = int(np.argmin(volumes)), int((~(volumes > 0)).sum())
         raise InputError(
-            f"{bad} tetrahedra are flat or inverted before growth starts; the worst is tetrahedron {worst}",
+            f"{counted(bad, 'tetrahedron is', 'tetrahedra are')} flat or inverted before growth starts; "
+            f"the worst is tetrahedron {worst}",
             remedy="mesh the surface again",
         )
 

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
+from cortet.errors import InputError, counted
 from cortet.folding.fields import THICKNESS_FIELD
 from cortet.folding.journal import SERIES, series
 from cortet.folding.measurements import depth_below_hull, gaussian_curvature, local_gyrification, mean_curvature
@@ -48,7 +48,8 @@ def folded_surface(frame: TetMesh, found: SurfaceMap) -> TriSurface:
     points = found.native.points + moved
     if lost := int((~np.isfinite(points).all(axis=1)).sum()):
         raise InputError(
-            f"{lost:,} vertices of the surface have no position", remedy="repair the surface with `cortet repair`"
+            f"{counted(lost, 'vertex of the surface has', 'vertices of the surface have')} no position",
+            remedy="repair the surface with `cortet repair`",
         )
     return replace(found.native, points=points)
 

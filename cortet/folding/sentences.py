@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from cortet.config.fold import Fold
+from cortet.errors import counted
 from cortet.folding.journal import VERDICT
 from cortet.formats.ownership import json_of
-from cortet.report.stage_sentences import counted
 
 #: keys of a fold that the sentences say otherwise
 _SAID = frozenset(("end", "gestational_age", "hemisphere", "model"))

@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import DamagedFileError, InputError
+from cortet.errors import DamagedFileError, InputError, counted
 from cortet.formats.ownership import has_read
 from cortet.meshes import MeshSets, TetMesh, TriSurface
 
@@ -131,7 +131,10 @@ def require_finite_points(points: NDArray[Any], path: str | Path) -> None:
     """Raise InputError if a coordinate (n, 3) is not finite."""
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
-        what = f"{len(bad)} vertices have coordinates that are not finite; the first is vertex {bad[0]}"
+        what = (
+            f"{counted(len(bad), 'vertex has', 'vertices have')} coordinates that are not finite; the first "
+            f"is vertex {bad[0]}"
+        )
         raise DamagedFileError(what, file=path)
 
 

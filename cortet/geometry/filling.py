@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError, place_mm
+from cortet.errors import InputError, counted, place_mm
 from cortet.geometry.counting import wrong_faces
 from cortet.geometry.flaws import OVERLAPPING, VOIDS, WORDS
 from cortet.geometry.mending import defective_vertices
@@ -99,7 +99,7 @@ def require_body(mesh: TetMesh, file: object = None) -> None:
     """
     broken = broken_body(mesh)
     if unused := len(mesh.points) - len(used_vertices(mesh.cells, len(mesh.points))):
-        broken.append(f"{unused} nodes belong to no tetrahedron")
+        broken.append(f"{counted(unused, 'node belongs', 'nodes belong')} to no tetrahedron")
     if broken:
         raise InputError(
             f"the tetrahedra form no valid solid: {'; '.join(broken)}",

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra, minimum_spanning_tree
 
-from cortet.errors import InputError, place_mm
+from cortet.errors import InputError, counted, place_mm
 from cortet.geometry.holes import replaced, rim_length
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.mending import Triangles, as_surface, compacted, faces_at, within
@@ -57,7 +57,7 @@ def without_handles(work: Triangles, *, keep: int, max_loop: float, max_piece: f
         where = place_mm(middle)
         if lengths[0] > max_loop:
             raise InputError(
-                f"the surface has {genus} handle{'s' if genus > 1 else ''}; the shortest loop, around {where}, is "
+                f"the surface has {counted(genus, 'handle')}; the shortest loop, around {where}, is "
                 f"{lengths[0]:.0f} mm long, above the limit of {max_loop:g} mm",
                 remedy="correct the topology of the segmentation, raise repair.max_loop, or set gate.allow_genus if "
                 "the handles are real",

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 
+from cortet.errors import counted
 from cortet.geometry.counting import behind_faces
 from cortet.geometry.remembering import OncePerCells, once_per_object
 from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, TriSurface
@@ -94,13 +95,15 @@ class SurfaceTopology:
         if self.components != 1:
             found.append(f"{self.components} components instead of one")
         if self.open_edges:
-            found.append(f"{self.open_edges} open edges (in one face only)")
+            found.append(f"{counted(self.open_edges, 'open edge')} (in one face only)")
         if self.nonmanifold_edges:
-            found.append(f"{self.nonmanifold_edges} edges in more than two faces")
+            found.append(f"{counted(self.nonmanifold_edges, 'edge')} in more than two faces")
         if self.misoriented_edges:
-            found.append(f"{self.misoriented_edges} edges between inconsistently oriented faces")
+            found.append(f"{counted(self.misoriented_edges, 'edge')} between inconsistently oriented faces")
         if self.pinched_vertices:
-            found.append(f"{self.pinched_vertices} pinched vertices (more than one fan of faces)")
+            found.append(
+                f"{counted(self.pinched_vertices, 'pinched vertex', 'pinched vertices')} (more than one fan of faces)"
+            )
         if not found and self.euler_number != 2 - 2 * genus:
             found.append(f"Euler number {self.euler_number} instead of {2 - 2 * genus} (genus {self.genus:g})")
         return found

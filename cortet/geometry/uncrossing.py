@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from cortet.errors import InputError, place_mm
+from cortet.errors import InputError, counted, place_mm
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.holes import replaced
 from cortet.geometry.intersection import self_intersections
@@ -51,19 +51,18 @@ def uncrossed(work: Triangles, *, max_displacement: float, max_piece: float) -> 
     first = self_intersections(before)
     if not len(first):
         return Uncrossed(work, np.zeros((0, 3)), False, 0.0, np.zeros(3))
+    crossing = f"{counted(len(first), 'triangle intersects', 'triangles intersect')} others"
     centres = before.points[before.faces[first]].mean(axis=1)
     work = _smoothed_apart(work, first, max_displacement)
     rest, number = self_intersections(as_surface(work)), 0
     while len(rest) and number < _REPLACINGS:
         around = within(work, work.faces[rest].ravel(), number // 2)
-        work = compacted(replaced(work, around, max_piece, f"{len(first)} triangles intersect others"))
+        work = compacted(replaced(work, around, max_piece, crossing))
         rest = self_intersections(as_surface(work))
         number += 1
     if len(rest):
         where = place_mm(work.points[work.faces[rest[0]]].mean(axis=0))
-        raise InputError(
-            f"{len(first)} triangles intersect others; {len(rest)} still do after repair, the first at {where}"
-        )
+        raise InputError(f"{crossing}; {len(rest)} still do after repair, the first at {where}")
     displacement, place = _farthest(before, as_surface(work))
     return Uncrossed(work, centres, number > 0, displacement, place)
 

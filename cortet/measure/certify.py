@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from cortet.config.sections import Certify
-from cortet.errors import InputError, StageError, place_mm
+from cortet.errors import InputError, StageError, counted, place_mm
 from cortet.formats.hashing import input_sha256, mesh_sha256
 from cortet.geometry.banks import Banks, banks
 from cortet.geometry.filling import flaws
@@ -199,8 +199,8 @@ def certify(
         require_known_regions(mesh, surface)
     reports = dict(reports or {})
     if not len(boundary_faces(mesh)):
-        counted = "; ".join(flaw.sentence for flaw in flaws(mesh) if flaw.count)
-        raise StageError(f"every face is in two tetrahedra or more, so the mesh has no boundary: {counted}")
+        found = "; ".join(flaw.sentence for flaw in flaws(mesh) if flaw.count)
+        raise StageError(f"every face is in two tetrahedra or more, so the mesh has no boundary: {found}")
     boundary, _ = boundary_surface(mesh)
     walls = sheets_of(mesh) if surface.inner else boundary  # the boundary comes first
     crossing = self_intersections(walls)
@@ -306,8 +306,7 @@ def _places(mesh: TetMesh, found: Certificate, limits: Certify, lost: Sequence[L
     worst, gap = found.worst_elements[0], found.banks
     bad = int((quality(mesh.points, mesh.cells) >= limits.q_max).sum())
     return {
-        "worst_q": f"{bad} element{'s' if bad > 1 else ''} at fault, the worst at {place_mm(worst.centre_mm)}: "
-        f"{worst.reason}",
+        "worst_q": f"{counted(bad, 'element')} at fault, the worst at {place_mm(worst.centre_mm)}: {worst.reason}",
         **{flaw.id: _first(flaw.places) for flaw in flaws(mesh) if flaw.count},
         "crossing_faces": _first(found.crossings_mm),
         **dict.fromkeys(("open_edges", "nonmanifold_edges", "pinched_vertices"), _first(found.defects_mm)),
@@ -345,12 +344,12 @@ def _lost(places: Sequence[LostPlace]) -> str:
     """Where the boundary does not follow the surface, in words; empty if it does everywhere."""
     if not places:
         return ""
-    counted = {kind: sum(place.kind == kind for place in places) for kind in ("filled", "cut off")}
+    of_kind = {kind: sum(place.kind == kind for place in places) for kind in ("filled", "cut off")}
     parts = [
-        f"{counted['filled']} where a sulcus is filled" if counted["filled"] else "",
-        f"{counted['cut off']} where a blade or tip is cut off" if counted["cut off"] else "",
+        f"{of_kind['filled']} where a sulcus is filled" if of_kind["filled"] else "",
+        f"{of_kind['cut off']} where a blade or tip is cut off" if of_kind["cut off"] else "",
     ]
-    count = f"{len(places)} place{'s' if len(places) > 1 else ''} beyond the limit"
+    count = f"{counted(len(places), 'location')} beyond the limit"
     worst = f"the worst, {places[0].kind}, at {place_mm(places[0].place_mm)}"
     return f"{count}: {' and '.join(filter(None, parts))}, {worst}"
 

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from cortet.errors import InputError, place_mm
+from cortet.errors import InputError, counted, place_mm
 from cortet.formats.electrodes import Contact
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.containing import containing
@@ -181,7 +181,7 @@ def electrode_remarks(mesh: TetMesh, records: Sequence[ElectrodeRecord]) -> list
         if one.radius_over_edge < _EDGES:
             coarse.append((one.radius_over_edge, one.radius_mm or 0.0, one.name))
     if coarse:
-        least, others = min(coarse), f" and {len(coarse) - 1} others" if len(coarse) > 1 else ""
+        least, others = min(coarse), f" and {counted(len(coarse) - 1, 'other')}" if len(coarse) > 1 else ""
         told.append(
             f"electrode {least[2]}{others}: the radius is {least[0]:.1f} edges of the mesh or more, too few for the "
             f"field right below (remedy: a cell size of {_FINE * min(radius for _, radius, _ in coarse):.2g} mm)"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from cortet.errors import InputError
+from cortet.errors import InputError, counted
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.nesting import joined, parents, region_boundary, sheets
 from cortet.geometry.topology import (
@@ -101,7 +101,10 @@ def require_known_regions(mesh: TetMesh, surface: TriSurface) -> None:
         raise InputError(what, remedy=remedy)
     unknown = ~np.isin(region, np.arange(1, len(names) + 1))
     if unknown.any():
-        what = f"{np.count_nonzero(unknown)} tetrahedra are in the region {region[unknown][0]}, which no surface bounds"
+        what = (
+            f"{counted(np.count_nonzero(unknown), 'tetrahedron is', 'tetrahedra are')} in the region "
+            f"{region[unknown][0]}, which no surface bounds"
+        )
         raise InputError(what, remedy=remedy)
 
 

@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cortet.errors import StageError
+from cortet.errors import StageError, counted
 from cortet.meshers.mesher import OF_CGAL, Facts, Filled, Mesher
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
@@ -184,7 +184,8 @@ def _fill(mesher: str, surface: TriSurface, _settings: Generate, facts: Facts) -
     mesh, flat = well_ordered(*made)
     if folded := folded_faces(mesh):  # no later stage could work on it
         raise StageError(
-            f"{mesher} returned overlapping tetrahedra: {folded} faces have both their tetrahedra on the same side"
+            f"{mesher} returned overlapping tetrahedra: {counted(folded, 'face has', 'faces have')} both "
+            "tetrahedra on the same side"
         )
     attempt = checked(mesh, surface, flat=flat)
     log_attempt(mesher, attempt, time.perf_counter() - began)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cortet.errors import StageError
+from cortet.errors import StageError, counted
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import FloatArray, IntArray
 
@@ -42,7 +42,10 @@ def back_off(
             return points, share
         offending = np.unique(cells[bad])
         if not share[offending].any():
-            what = f"{np.count_nonzero(bad)} tetrahedra are flat or inverted before any node moves"
+            what = (
+                f"{counted(np.count_nonzero(bad), 'tetrahedron is', 'tetrahedra are')} flat or inverted "
+                "before any node moves"
+            )
             raise StageError(what, remedy="use `cortet improve`, which turns inverted tetrahedra")
         share[offending] /= 2
         share[share < 0.5**HALVINGS] = 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cortet.errors import StageError
+from cortet.errors import StageError, counted
 from cortet.geometry.filling import folded_faces
 from cortet.meshes import FloatArray, TetMesh
 
@@ -16,11 +16,13 @@ def require_sound(mesh: TetMesh, q: FloatArray) -> None:
     """
     if not q.max() < 1:
         raise StageError(
-            f"{np.count_nonzero(~(q < 1))} tetrahedra are flat or inverted before optimisation",
+            f"{counted(np.count_nonzero(~(q < 1)), 'tetrahedron is', 'tetrahedra are')} flat or inverted "
+            "before optimisation",
             remedy="see the report of the previous stage",
         )
     if folded := folded_faces(mesh):
         raise StageError(
-            f"tetrahedra overlap before optimisation: {folded} faces have both their tetrahedra on the same side",
+            f"tetrahedra overlap before optimisation: {counted(folded, 'face has', 'faces have')} both "
+            "tetrahedra on the same side",
             remedy="see the report of the previous stage, or check the program that made the mesh",
         )

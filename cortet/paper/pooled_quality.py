@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from cortet.errors import counted
 from cortet.paper.experiments import ABLATED
 from cortet.report import published
 from cortet.report.colours import BLUE, DARK_GREY, GREEN, ORANGE, PURPLE
@@ -27,7 +28,6 @@ from cortet.report.figures import (
     save,
 )
 from cortet.report.records import Origin, by_origin
-from cortet.report.stage_sentences import counted
 
 VERSION: int = 6
 
@@ -73,7 +73,8 @@ def pooled_quality_figure(pooled: Sequence[Pooled], *, cell_size: float, limit: 
                 distribution(bulk, tail, counts, color=_COLOURS[stages], linewidth=1.0, label=_NAMES[stages])
             elements = max(int(counts.sum()) for counts in row.counts.values())
             title = (
-                f"setting {row.setting}, {H} = {cell_size:g} mm: {counted(row.meshes, 'mesh')}, {elements:,} elements"
+                f"setting {row.setting}, {H} = {cell_size:g} mm: {counted(row.meshes, 'mesh', 'meshes')}, "
+                f"{elements:,} elements"
             )
             bulk.set_title(title, loc="left")
             bulk.set(xlim=(0, 0.6), ylim=(0, None), ylabel="elements (% per bin of 0.005)")

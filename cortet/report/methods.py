@@ -10,11 +10,12 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 
 from cortet.cohort.sheet import Case
+from cortet.errors import counted
 from cortet.formats.atomic import atomic_path
 from cortet.measure.checks import Check
 from cortet.report import DATA
 from cortet.report.numbers import Certificate, limit_of
-from cortet.report.stage_sentences import counted, stage_sentences
+from cortet.report.stage_sentences import stage_sentences
 from cortet.version import __version__
 
 VERSION: int = 7
@@ -185,7 +186,8 @@ def _outcome(certificates: Sequence[Certificate]) -> list[str]:
     values = sorted({f"{one:.3f}" for one in worst})
     sentences = [
         "Quality was measured as q = 1 - √2 · 6V / l³ (V volume, l root mean square edge length; 0 for a regular "
-        f"tetrahedron, 1 for a flat one). Of {counted(len(certificates), 'mesh')}, {certified} had a worst q below "
+        f"tetrahedron, 1 for a flat one). Of {counted(len(certificates), 'mesh', 'meshes')}, {certified} "
+        "had a worst q below "
         f"{limit:g}, positive volumes and a boundary with the topology {also}of the surface (certified); "
         f"the worst q was {' to '.join([values[0], *values[1:][-1:]])}."
     ]

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from cortet.errors import counted
 from cortet.measure.verdict import changed_share, share_in_words, surfaces_of
 from cortet.meshers import MESHERS
 from cortet.report.numbers import Certificate
@@ -28,12 +29,6 @@ def stage_sentences(certificates: Sequence[Certificate]) -> list[str]:
     for stage, sentence in _OF_PARAMETERS.items():
         told += [sentence(parameters) for parameters in _parameters_of(stage, certificates)[:1]]
     return [sentence for sentence in told if sentence]
-
-
-def counted(count: int, noun: str) -> str:
-    """A number and its noun, in the plural unless the number is one: ``3 meshes``."""
-    plural = f"{noun}es" if noun.endswith(("h", "ss")) else f"{noun}s"
-    return f"{count} {noun if count == 1 else plural}"
 
 
 def _parameters_of(stage: str, certificates: Sequence[Certificate]) -> list[Mapping[str, Any]]:
@@ -85,7 +80,7 @@ def _generated(certificates: Sequence[Certificate]) -> str:
     backends = [content["reports"]["generate"]["backend"] for content in certificates]
     ways = []
     for (name, backend), count in sorted(Counter(zip((d["mesher"] for d in every), backends, strict=True)).items()):
-        mesher, meshes = MESHERS[name], counted(count, "mesh")
+        mesher, meshes = MESHERS[name], counted(count, "mesh", "meshes")
         if mesher.may_change_topology and backend not in ("pygalmesh", "cgal"):
             fallback = every[0]["fallback"]
             ways.append(f"the fallback {fallback}, where CGAL's boundary had another topology ({count})")
@@ -95,7 +90,7 @@ def _generated(certificates: Sequence[Certificate]) -> str:
 
 
 def _relocated(done: Mapping[str, Any]) -> str:
-    passes = counted(done["passes"], "pass")
+    passes = counted(done["passes"], "pass", "passes")
     return f"Nodes were relocated by {passes} of Gmsh's Relocate3D ({_BOUNDARY[done['boundary']]})."
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cortet.errors import counted
 from cortet.formats.surface_sets import surface_faces
 from cortet.geometry.topology import boundary_faces, packed
 from cortet.measure.layers import THICKNESS
@@ -37,7 +38,10 @@ def _volumes(mesh: TetMesh) -> Iterator[str]:
         yield f"{len(wrong)} of {len(mesh.cells)} tetrahedra have no positive volume, the first is number {first}"
     unused = np.setdiff1d(np.arange(len(mesh.points)), mesh.cells)
     if len(unused):
-        yield f"{len(unused)} nodes belong to no tetrahedron, the first is node {unused[0] + 1}"
+        yield (
+            f"{counted(len(unused), 'node belongs', 'nodes belong')} to no tetrahedron, the first is node "
+            f"{unused[0] + 1}"
+        )
 
 
 def _surface(mesh: TetMesh) -> Iterator[str]:
@@ -49,17 +53,18 @@ def _surface(mesh: TetMesh) -> Iterator[str]:
     key = packed(np.concatenate([boundary, listed]))
     true, found = key[: len(boundary)], key[len(boundary) :]
     if repeated := len(found) - len(np.unique(found)):
-        yield f"{repeated} triangles are listed more than once"
+        yield f"{counted(repeated, 'triangle is', 'triangles are')} listed more than once"
     if missing := len(np.setdiff1d(true, found)):
-        yield f"{missing} boundary faces are missing from the triangles"
+        yield f"{counted(missing, 'boundary face is', 'boundary faces are')} missing from the triangles"
     known = np.isin(found, true)
     if not known.all():
-        yield f"{np.count_nonzero(~known)} triangles are not boundary faces, the first is number {np.argmin(known) + 1}"
+        inside = counted(np.count_nonzero(~known), "triangle is", "triangles are")
+        yield f"{inside} not on the boundary, the first is number {np.argmin(known) + 1}"
     order = np.argsort(true)
     partners = boundary[order[np.searchsorted(true, found[known], sorter=order)]]
     inward = np.flatnonzero(known)[~_same_turn(listed[known], partners)]
     if len(inward):
-        yield f"{len(inward)} triangles face inward, the first is number {inward[0] + 1}"
+        yield f"{counted(len(inward), 'triangle faces', 'triangles face')} inward, the first is number {inward[0] + 1}"
 
 
 def _fields(fields: dict[str, NDArray[Any]], count: int, kind: str) -> Iterator[str]:
@@ -68,7 +73,7 @@ def _fields(fields: dict[str, NDArray[Any]], count: int, kind: str) -> Iterator[
         if len(values) != count:
             yield f"field {name} has {len(values)} values for {count} {kind}: it belongs to another mesh"
         elif name != THICKNESS and (bad := np.count_nonzero(~np.isfinite(values))):
-            yield f"field {name} has {bad} values that are not finite"
+            yield f"field {name} has {counted(bad, 'value that is', 'values that are')} not finite"
 
 
 def _same_turn(first: IntArray, second: IntArray) -> NDArray[np.bool_]:

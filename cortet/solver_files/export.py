@@ -18,7 +18,9 @@ from cortet.formats.placement import UNITS
 from cortet.formats.surface_sets import CORTICAL_SURFACE, INTERFACE, MEDIAL_WALL, OUTER_SURFACE, with_surface
 from cortet.geometry.filling import require_body
 from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
-from cortet.measure.layers import cortex_and_white
+from cortet.measure.electrodes import ELECTRODE
+from cortet.measure.layers import DEPTH, cortex_and_white
+from cortet.measure.layers import UNITS as LAYER_UNITS
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, MeshSets, TetMesh, TriSurface
 from cortet.solver_files.conventions import broken_conventions
@@ -29,8 +31,9 @@ from cortet.solver_files.sets import OF_ARRAYS, named_sets, require_same_regions
 from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar, sidecar_path
 from cortet.stages.gate import require_size
 from cortet.stages.solver_ready import surface_nodes_first
+from cortet.stages.transfer import THICKNESS, with_thickness
 
-VERSION: int = 9
+VERSION: int = 10
 
 
 def with_sets(
@@ -51,7 +54,22 @@ def with_sets(
     """
     sources = field_sources(origin.fields)
     names = {**{name: source.labels for name, source in sources.items()}, **labels}
-    return named_sets(mesh, **sets, inner=list(surface.inner), label_names=names, tissues=labels), sources
+    named = named_sets(mesh, **sets, inner=list(surface.inner), label_names=names, tissues=labels)
+    return named, _computed(named, surface) | sources
+
+
+def _computed(mesh: TetMesh, surface: TriSurface) -> dict[str, FieldSource]:
+    """What each field is that cortet computed for a mesh of these surfaces, in words in place of a file."""
+    how = dict.fromkeys([name for name in mesh.point_data if name.startswith(ELECTRODE)], "load of a contact")
+    if DEPTH in mesh.cell_data:
+        how |= dict.fromkeys(LAYER_UNITS, "columns of the cortex")
+    if with_thickness(surface) is not surface:
+        how[THICKNESS] = "distance between the vertices of both surfaces that have the same number"
+    units = {**LAYER_UNITS, THICKNESS: "mm"}
+    return {
+        name: FieldSource(f"computed by cortet: {words}", "", units.get(name, "1"), "scalar", {})
+        for name, words in how.items()
+    }
 
 
 def export_made(
@@ -216,7 +234,7 @@ def convert(
     stored, fields = record.get("coordinate_system"), record.get("fields", {})
     about = {
         "frame": CoordinateFrame(**{**stored, "matrix": tuple(stored["matrix"])}) if stored else None,
-        "sources": {name: _source(field) for name, field in fields.items() if field["source"]},
+        "sources": {name: _source(field) for name, field in fields.items()},
         "made_from": moved(record.get("made_from"), source.parent, target.parent),
     }
     return done + _write_all(mesh, target, written_as, unit, source, about)

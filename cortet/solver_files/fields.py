@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
+from cortet.errors import InputError, counted
 from cortet.formats.gifti import read_fields, read_label_names
 from cortet.formats.hashing import input_sha256
 from cortet.measure.quality import quality
@@ -78,7 +78,7 @@ def require_finite(values: NDArray[Any], what: str, file: str | Path | None = No
     bad = np.flatnonzero(~per_vertex.all(axis=1))
     if len(bad):
         raise InputError(
-            f"{what} is not finite at {len(bad)} vertices, the first is vertex {bad[0]}",
+            f"{what} is not finite at {counted(len(bad), 'vertex', 'vertices')}, the first is vertex {bad[0]}",
             file=file,
             remedy="give these vertices a value, such as 0 on the medial wall: no solver reads NaN",
         )

@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import DamagedFileError, InputError
+from cortet.errors import DamagedFileError, InputError, counted
 from cortet.formats import child, result_reader
 from cortet.formats.placement import UNITS
 from cortet.formats.set_arrays import holds_set
@@ -102,7 +102,10 @@ def _require_steps(path: Path) -> None:
     with by_library("PVD", path):
         named = [step.attrib["file"] for step in ElementTree.fromstring(content(path)).iter("DataSet")]
     if missing := [name for name in named if not (path.parent / name).is_file()]:
-        what = f"names {len(missing)} of {len(named)} files that are missing, the first is {missing[0]}"
+        what = (
+            f"{len(missing)} of the {counted(len(named), 'file')} that it names "
+            f"{'is' if len(missing) == 1 else 'are'} missing: {missing[0]}"
+        )
         raise InputError(what, file=path, remedy="put them next to it, or correct their names in it")
 
 
@@ -190,7 +193,7 @@ def on_surface(steps: Iterable[Step], weights: ToSurface, *, file: Path, mesh_fi
         what = "outside the mesh, or without a column of the cortex"
         if missing == weights.nodes.shape[0]:
             raise InputError(f"all vertices are {what}", file=mesh_file, remedy="give another depth")
-        told[f"{missing:,} vertices have no value (NaN): they are {what}"] = None
+        told[f"{counted(missing, 'vertex has', 'vertices have')} no value (NaN): {what}"] = None
     for given in steps:
         if order is None or last is None or not _same_mesh(given.mesh, last):
             order = in_order(given.mesh, mesh, file=file, mesh_file=mesh_file)

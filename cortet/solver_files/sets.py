@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.errors import InputError
+from cortet.errors import InputError, counted
 from cortet.formats.surface_sets import CORE, CORTEX, CORTICAL_SURFACE, INTERFACE, MEDIAL_WALL, OUTER_SURFACE
 from cortet.formats.tags import TOO_LARGE, region_numbers
 from cortet.formats.tags import regions as regions_of
@@ -192,7 +192,10 @@ def with_regions(mesh: TetMesh, inner: Sequence[str]) -> TetMesh:
         what = (
             f"there is no set {missing[0]}"
             if missing
-            else f"{np.count_nonzero(region == 0)} tetrahedra are not in any of the sets {', '.join(names)}"
+            else (
+                f"{counted(np.count_nonzero(region == 0), 'tetrahedron is', 'tetrahedra are')} not in any of "
+                f"the sets {', '.join(names)}"
+            )
         )
         raise InputError(
             f"cannot tell the regions of the mesh: {what} (its sets: {', '.join(sets) or 'none'})",
@@ -230,7 +233,8 @@ def require_same_regions(mesh: TetMesh, inner: Sequence[str], file: Path | None 
         several[sets[name]] += 1
     if len(twice := np.flatnonzero(several > 1)):
         what = (
-            f"{len(twice)} tetrahedra are in several of the sets {', '.join(numbered)}, the first is number {twice[0]}"
+            f"{counted(len(twice), 'tetrahedron is', 'tetrahedra are')} in several of the sets "
+            f"{', '.join(numbered)}, the first is number {twice[0]}"
         )
         raise InputError(what, file=file, remedy="take each out of all sets but one")
     given = mesh.cell_data.get(REGION)
@@ -240,7 +244,8 @@ def require_same_regions(mesh: TetMesh, inner: Sequence[str], file: Path | None 
         first = wrong[0]
         own = names[region[first] - 1] if region[first] else "none of them"
         raise InputError(
-            f"the array {REGION} and the sets {', '.join(numbered)} disagree on {len(wrong)} tetrahedra, the first is "
+            f"the array {REGION} and the sets {', '.join(numbered)} disagree on "
+            f"{counted(len(wrong), 'tetrahedron', 'tetrahedra')}, the first is "
             f"number {first}: its {REGION} is {given[first]}, its set is {own}",
             file=file,
             remedy=f"number the sets {', '.join(f'{name} {number}' for name, number in numbered.items())}, or delete "

@@ -23,7 +23,6 @@ from cortet.formats.surface_sets import with_surface
 from cortet.formats.tags import face_tags, regions
 from cortet.formats.untrusted import by_library, content
 from cortet.geometry.topology import boundary_faces, face_areas
-from cortet.measure.layers import UNITS
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, TetMesh, TriSurface
 from cortet.solver_files.fields import FieldSource
@@ -129,7 +128,7 @@ def sidecar(
             },
         }
     faces = boundary_faces(content) if isinstance(content, TetMesh) else content.faces
-    known, units = sources or {}, {THICKNESS: "mm", **(UNITS if (made_from or {}).get("layers") else {})}
+    known, units = sources or {}, {THICKNESS: "mm"}
     fields = {
         name: _field(values, known.get(name), units.get(name, "unknown")) for name, values in content.point_data.items()
     }

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cortet.errors import InputError, StageError
+from cortet.errors import InputError, StageError, counted
 from cortet.formats import carp, child
 from cortet.formats.hashing import sha256
 from cortet.measure.quality import quality, signed_volumes
@@ -76,7 +76,8 @@ def _check_nothing_to_do(mesh: TetMesh, threshold: float) -> None:
     """Raise StageError if meshtool wrote nothing although an element is above the threshold."""
     if above := int((quality(mesh.points, mesh.cells) > threshold).sum()):
         raise StageError(
-            f"meshtool wrote no mesh at threshold {threshold:g}, although {above} tetrahedra have a larger q",
+            f"meshtool wrote no mesh at threshold {threshold:g}, although "
+            f"{counted(above, 'tetrahedron has', 'tetrahedra have')} a larger q",
             remedy="run `meshtool clean quality` by hand on the CARP files of S2, or set clean.backend: cortet",
         )
     logger.info("no tetrahedron is above %g: meshtool had nothing to do", threshold)
@@ -94,7 +95,9 @@ def _check_result(mesh: TetMesh, result: TetMesh) -> None:
     # checked by the original orientation: meshtool reverses inverted tetrahedra and calls them positive
     inverted = int((~(signed_volumes(result.points, mesh.cells) > 0)).sum())
     if inverted:
-        raise StageError(f"meshtool inverted {inverted} tetrahedra", remedy="set clean.backend: cortet")
+        raise StageError(
+            f"meshtool inverted {counted(inverted, 'tetrahedron', 'tetrahedra')}", remedy="set clean.backend: cortet"
+        )
 
 
 def _run(binary: str, *, source: Path, target: Path, threshold: float) -> None:

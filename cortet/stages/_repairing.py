@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cortet.config.stages import Repair
-from cortet.errors import InputError, place_mm
+from cortet.errors import InputError, counted, place_mm
 from cortet.geometry import mending
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.handles import without_handles
@@ -127,8 +127,12 @@ class BrokenSurface:
         made = single_precision(TriSurface(work.points, work.faces))
         topology = surface_topology(made.faces)
         problems = topology.problems(genus=int(topology.genus))
-        problems += [f"{count} self-intersecting triangles" for count in [len(self_intersections(made))] if count]
-        problems += [f"{count} triangles without area" for count in [len(flat_faces(made.points, made.faces))] if count]
+        problems += [counted(count, "self-intersecting triangle") for count in [len(self_intersections(made))] if count]
+        problems += [
+            counted(count, "triangle without area", "triangles without area")
+            for count in [len(flat_faces(made.points, made.faces))]
+            if count
+        ]
         if problems:
             raise InputError(f"after repair the surface still has {'; '.join(problems)}")
         volume = enclosed_volume(made.points, made.faces)
@@ -198,7 +202,8 @@ class BrokenSurface:
             where = in_mm(np.array([self._middle(piece == number) for number in large[:2]]))
             if walls := self._inside_the_first(piece, large):
                 raise InputError(
-                    f"{walls} of {len(large)} pieces lie inside the largest, such as the walls of a ventricle; "
+                    f"{walls} of {len(large)} pieces {'lies' if walls == 1 else 'lie'} inside the "
+                    "largest, such as the walls of a ventricle; "
                     f"shares of the area: {shares}; centres: {where}",
                     remedy="give the outer surface alone, and the others as inner surfaces (--inner NAME=FILE)",
                 )
@@ -276,7 +281,12 @@ class BrokenSurface:
             work = self.work = mending.compacted(replaced(work, spikes, self.limits.max_piece, f"{len(spikes)} spikes"))
         if len(flat := work.faces[flat_faces(work.points, work.faces)]):
             self._note("triangles without area replaced", len(flat), "faces", work.points[flat].mean(axis=1))
-            self.work = replaced(work, flat.ravel(), self.limits.max_piece, f"{len(flat)} triangles without area")
+            self.work = replaced(
+                work,
+                flat.ravel(),
+                self.limits.max_piece,
+                counted(len(flat), "triangle without area", "triangles without area"),
+            )
 
     def _handles(self) -> None:
         limits = self.limits

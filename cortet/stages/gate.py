@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cortet.config.stages import Gate
-from cortet.errors import InputError
+from cortet.errors import InputError, counted
 from cortet.formats.placement import UNITS
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.mending import flat_faces
@@ -152,7 +152,10 @@ def _check_area(surface: TriSurface, flat: IntArray) -> None:
     if len(flat):
         first = surface.faces[flat[0]]
         where = surface.points[first].mean(axis=0).round(2).tolist()
-        what = f"{len(flat)} triangles have no area; the first is triangle {flat[0]} {first.tolist()} at {where} mm"
+        what = (
+            f"{counted(len(flat), 'triangle has', 'triangles have')} no area; the first is triangle {flat[0]} "
+            f"{first.tolist()} at {where} mm"
+        )
         raise InputError(what, remedy="collapse them, or remesh the surface")
 
 
@@ -162,7 +165,7 @@ def _check_topology(surface: TriSurface, found: SurfaceTopology, allow_genus: in
         remedy = "repair the surface, for example with `cortet repair`"
         coincident = len(surface.points) - len(np.unique(surface.points, axis=0))
         if coincident:
-            remedy = f"{coincident} vertices coincide with others: merge them first"
+            remedy = f"{counted(coincident, 'vertex coincides', 'vertices coincide')} with others: merge them first"
         elif found.misoriented_edges and len(problems) == 1:
             remedy = "the surface is not orientable, so it has no inside"
         raise InputError(f"the surface is not one closed manifold: {'; '.join(problems)}", remedy=remedy)
@@ -244,7 +247,7 @@ def _uncross(surface: TriSurface, named: Any) -> tuple[TriSurface, int]:
     moved = np.linalg.norm(repaired.points - surface.points, axis=1)
     if len(remaining) or moved.max() > MAX_REPAIR_MM:
         far = f"smoothing moved vertices by {moved.max():.2f} mm (limit {MAX_REPAIR_MM:g} mm)"
-        tried = f"{far}, and {len(remaining)} triangles still intersect"
+        tried = f"{far}, and {counted(len(remaining), 'triangle still intersects', 'triangles still intersect')}"
         raise InputError(f"{found}; {tried}", remedy=remedy)
     _check_area(repaired, flat_faces(repaired.points, repaired.faces))
     logger.warning(

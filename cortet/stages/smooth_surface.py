@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cortet.config.stages import SmoothingMethod, SmoothSurface
-from cortet.errors import InputError
+from cortet.errors import InputError, counted
 from cortet.geometry import topology
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.intersection import self_intersections
@@ -182,7 +182,7 @@ def _candidate(before: TriSurface, after: TriSurface, iterations: int, limits: S
     if displacement > limits.max_displacement:
         breaks.append(f"vertices are displaced by {displacement:.3f} mm")
     if crossing:
-        breaks.append(f"{crossing} triangles cross")
+        breaks.append(counted(crossing, "triangle crosses", "triangles cross"))
     offset = after.points - topology.neighbour_means(after.points, after.faces)
     return Candidate(
         iterations=iterations,

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cortet.config.stages import Clean, Snap
+from cortet.errors import counted
 from cortet.geometry.closest_point import SurfaceTree, closest_points, tree_of
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.quality import quality
@@ -76,7 +77,8 @@ def snap(mesh: TetMesh, surface: TriSurface, settings: Snap = Snap()) -> tuple[T
     left_off = int((distances > ON_SURFACE_MM).sum())
     if left_off:
         outcome = (
-            f"{left_off} boundary nodes stay off the surface, by up to {distances.max():.3g} mm, to keep elements valid"
+            f"{counted(left_off, 'boundary node stays', 'boundary nodes stay')} off the surface, by up to "
+            f"{distances.max():.3g} mm, to keep elements valid"
         )
         logger.warning(outcome)
     return snapped, SnapReport(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cortet.config.stages import Transfer
-from cortet.errors import StageError
+from cortet.errors import StageError, counted
 from cortet.geometry.topology import boundary_faces, boundary_nodes, enclosed_volume, used_vertices
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import MeshSets, TetMesh, TriSurface
@@ -55,7 +55,10 @@ def surface_nodes_first(mesh: TetMesh) -> tuple[TetMesh, SolverReadyReport]:
     """
     volumes = signed_volumes(mesh.points, mesh.cells)
     if bad := int((~(volumes > 0)).sum()):
-        raise StageError(f"{bad} tetrahedra are flat or inverted", remedy="see the reports of the previous stages")
+        raise StageError(
+            f"{counted(bad, 'tetrahedron is', 'tetrahedra are')} flat or inverted",
+            remedy="see the reports of the previous stages",
+        )
     on_boundary = np.zeros(len(mesh.points), bool)
     on_boundary[boundary_nodes(mesh)] = True
     order = np.argsort(~on_boundary, kind="stable")
@@ -73,7 +76,7 @@ def surface_nodes_first(mesh: TetMesh) -> tuple[TetMesh, SolverReadyReport]:
         ),
     )
     if unused := len(order) - len(used_vertices(ready.cells, len(order))):
-        raise StageError(f"{unused} nodes belong to no tetrahedron")
+        raise StageError(f"{counted(unused, 'node belongs', 'nodes belong')} to no tetrahedron")
     enclosed = enclosed_volume(ready.points, boundary_faces(ready))
     if not np.isclose(volumes.sum(), enclosed, rtol=VOLUME_TOLERANCE, atol=0):
         raise StageError(f"volumes add up to {volumes.sum():.6f} mm3, but the boundary encloses {enclosed:.6f} mm3")

@@ -186,7 +186,7 @@ def test_cohort_scan_replaces_no_sheet_unasked(tmp_path, capsys):
     assert sheet.read_bytes() == edited
     assert main([*command, "--update"]) == 0
     shown = capsys.readouterr().out
-    assert "2 surfaces, 1 of them new and added\n" in shown and "age is unknown: sub-B_hemi-L" in shown
+    assert "2 surfaces, 1 new and added\n" in shown and "age is unknown: sub-B_hemi-L" in shown
     assert sheet.read_bytes().startswith(edited)
     assert [case.name for case in read_sheet(sheet)] == ["sub-A_hemi-L", "sub-B_hemi-L"]
     assert main([*command, "--force"]) == 0

@@ -7,8 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from cortet.errors import counted
 from snakemake_logger_plugin_cortet import Progress
 
 ROOT = Path(__file__).parents[2]
@@ -79,6 +81,12 @@ def test_a_fold_is_one_line_with_its_verdict(tmp_path):
     now[0], run.jobs = 120.0, (39, 40)
     assert not run.left(), "folds take longer than all other jobs"
     assert run.ended(7) == f"{fold}  folded from 22 to 34 weeks; gyrification index 1.25, 2.0 min"
+
+
+def test_one_is_not_counted_in_the_plural():
+    assert counted(1, "open edge") == "1 open edge"
+    assert counted(np.count_nonzero([True]), "node belongs", "nodes belong") == "1 node belongs"
+    assert counted(1234, "vertex", "vertices") == "1,234 vertices" and counted(0, "hole") == "0 holes"
 
 
 def test_the_plugin_imports_nothing_of_cortet():

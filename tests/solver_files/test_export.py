@@ -112,7 +112,7 @@ def test_every_format_is_made_of_another_and_what_it_lacks_is_told(tmp_path, tar
 def test_a_node_that_no_tetrahedron_uses_does_not_count_in_the_size(tmp_path):
     ball = ball_mesh(2, radius=20.0)
     vtu.write(replace(ball, points=np.vstack([ball.points, [900.0, 0, 0]])), tmp_path / "m.vtu")
-    with pytest.raises(InputError, match="1 nodes belong to no tetrahedron"):
+    with pytest.raises(InputError, match="1 node belongs to no tetrahedron"):
         convert(tmp_path / "m.vtu", tmp_path / "x.inp")
 
 
