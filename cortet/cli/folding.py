@@ -82,7 +82,7 @@ def fold(
     from cortet.api.given import sections
     from cortet.config import load
     from cortet.folding.fold_figures import FILM, NUMBERS, PICTURE, draw
-    from cortet.folding.journal import FILES, status
+    from cortet.folding.journal import FILES, SERIES, TABLE, status
     from cortet.formats.gifti import read_surface, require_same_hemisphere
 
     for name in (*FILES, NUMBERS, PICTURE, FILM):  # before the work
@@ -101,6 +101,7 @@ def fold(
 
     folded = cortet.fold(file, ga, hemi, folder=output, progress=progress, **keys)
     print(f"\n{folded.verdict['reason']}")
+    print(f"{output / SERIES}: the frames, for ParaView; {output / TABLE}: every number by age")
     for files in folded.surfaces.values():
         print(f"{files['surface']}: written, with {counted(len(files) - 1, 'map')}")
     measure = settings.picture

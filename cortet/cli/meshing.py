@@ -33,8 +33,13 @@ from cortet.geometry.limits import SCAN_AGES
 
 #: columns of the table of stages
 HEAD = ("stage", "seconds", "nodes", "tets", "mean q", "q_max", "q > 0.6")
-#: said of a mesh of a white surface without others
-WHITE_ALONE = "the surface is a white surface: the mesh holds white matter without the cortex"
+#: what the set cortex of a mesh without inner surfaces is, by the kind of its surface
+CORTEX_OF = {
+    "white": "the surface is a white surface: the mesh holds white matter without the cortex "
+    "(`cortet fold` takes its outermost layer as cortex)",
+    None: "neither name nor content say if the surface is white or pial: the set cortex is the outermost layer, as in a "
+    "pial surface (if it is white, set export.cortex_layer: false)",
+}
 
 if TYPE_CHECKING:
     from cortet.api.meshing import Mesh
@@ -54,7 +59,7 @@ class Views:
     Parameters
     ----------
     picture
-        Also draw the mesh cut open, coloured by q.
+        Also draw the mesh cut open, coloured by region, or by q if it has one region.
     slices
         Also draw slices of the first volume overlaid with the mesh.
     page
@@ -125,7 +130,7 @@ def mesh(
     ga
         Gestational age; the setting published chooses its smoothing by age.
     field
-        Per-vertex field (GIfTI) to transfer to the mesh; repeatable.
+        Per-vertex field (GIfTI, FreeSurfer or text) to transfer to the mesh; repeatable.
     sphere
         Registered sphere of SURFACE, for resampling onto the common mesh.
     volume
@@ -182,8 +187,8 @@ def mesh(
     if made.tissue_rows:
         print(printed(TISSUE_COLUMNS, made.tissue_rows) + "\n")
     _deliver(made, output, force=how.force, views=views)
-    if made.certified and made.origin.kind == "white" and not inner:
-        print(WHITE_ALONE)
+    if made.certified and not inner and made.config.export.cortex_layer is None and made.origin.kind in CORTEX_OF:
+        print(CORTEX_OF[made.origin.kind])
     return 0 if made.certified else 1
 
 

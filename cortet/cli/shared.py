@@ -66,10 +66,10 @@ class Configured:
     config
         YAML file of parameters; see `cortet config`.
     setting
-        Preset: cortet's method, cortet's method with cells for folds, the paper's mesher with cortet's stages, or the
-        paper's method.
+        Preset: default is cortet's method, folding the same with cells for folds, cgal the paper's mesher with
+        cortet's stages, published the paper's method.
     cell_size
-        Cell size h (default: that of --config, that of the mesh if it is known, or 0.6).
+        Cell size h (default: that of --config, or 0.6; of a mesh file, that of the mesh if it is known).
     """
 
     config: InputFile | None = None

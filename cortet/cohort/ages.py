@@ -83,7 +83,7 @@ class _Table:
             return weeks, f"ages read from {self._heading}"
         return None, (
             f"age not read: {' and '.join(texts)} in {self._heading} must be one gestational age from {low:g} to "
-            f"{high:g} weeks (its unit is stated in the sidecar, as Units: weeks or days)"
+            f"{high:g} weeks (if it is in days, state its Units, days, in the JSON file of the table)"
         )
 
     @property

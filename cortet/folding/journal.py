@@ -101,8 +101,8 @@ def status(now: Measurements, part: float, seconds: float) -> str:
     done = round(_WIDTH * part)
     left = seconds / part * (1 - part) if part > 0 else float("nan")
     return (
-        f"[{'#' * done}{'.' * (_WIDTH - done)}] {part:4.0%}  t {now.time:.3f}  {now.gestational_age:.2f} weeks  "
-        f"min J {now.min_j:.3f}  gyrification {now.gyrification_index:.3f}  {_duration(left)} left"
+        f"[{'#' * done}{'.' * (_WIDTH - done)}] {part:4.0%}  {now.gestational_age:.2f} weeks  "
+        f"smallest J {now.min_j:.3f}  gyrification {now.gyrification_index:.3f}  {_duration(left)} left"
     )
 
 
@@ -121,6 +121,6 @@ def per_percent(say: Callable[[str], None]) -> Progress:
 
 def _duration(seconds: float) -> str:
     if seconds != seconds:
-        return "?"
+        return "unknown time"
     minutes = seconds / 60
     return f"{seconds:.0f} s" if minutes < 1 else f"{minutes:.0f} min" if minutes < 100 else f"{minutes / 60:.1f} h"

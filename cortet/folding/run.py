@@ -180,26 +180,22 @@ def prepared(mesh: TetMesh, settings: Settings) -> Run:
 
 def described(run: Run) -> list[str]:
     """The assumptions of a run, in sentences."""
-    share = thickness_mm(run) / run.scale.length
-    sentences = [
-        f"the growing cortex is {thickness_mm(run):.2f} mm thick at the start: "
-        f"{share:.3f} of the unit of length, {run.scale.length:.1f} mm"
-    ]
+    sentences = [f"the growing cortex is {thickness_mm(run):.2f} mm thick at the start"]
     if run.wall is not None:
         sentences.append(
             f"medial wall: {run.wall.area_mm2:.0f} mm2, {run.wall.share:.1%} of the surface; {run.wall.found}"
         )
     course, stretch = run.growth.at(np.array([run.end]), 0.0), run.growth.frame(run.end)
     along, across, _ = (1 + course.growth[0, 0]).tolist()
-    core = f"lengths of the core grow by {stretch:.2f}" if stretch != 1 else "the core does not grow"
+    core = f"lengths of the core grow by a factor of {stretch:.2f}" if stretch != 1 else "the core does not grow"
     if run.growth.mapped:
         grown = run.growth.body(run.body, run.end)
         cortex = run.body.depth < run.body.thickness
         along = 1 + float(np.average(grown.amount[cortex], weights=run.body.mask[cortex] * run.body.volumes[cortex]))
     sentences.append(
-        f"until {age_of(run.end):g} weeks {core}; beside it the cortex grows by {along:.2f} along the surface"
-        f"{', on average, as it was measured,' if run.growth.mapped else ''} and by {across:.2f} across"
-        + (f"; an envelope grows by {float(course.envelope[0]) * stretch:.2f}" if run.enveloped else "")
+        f"until {age_of(run.end):g} weeks {core}; relative to the core the cortex grows by a factor of {along:.2f} "
+        f"along the surface{', on average, as it was measured,' if run.growth.mapped else ''} and {across:.2f} across"
+        + (f"; the envelope grows by a factor of {float(course.envelope[0]) * stretch:.2f}" if run.enveloped else "")
     )
     return sentences
 

@@ -135,7 +135,7 @@ def _by_distance(surface: TriSurface, to: TriSurface, what: str, other: str, *, 
     return [
         captioned(
             surface_view(surface, side=side, values=distances, limits=(0.0, darkest), colours=colours),
-            f"{what}, {word}",
+            f"{what}, seen from the {word}",
             scale,
         )
         for side, word in SIDES.items()
