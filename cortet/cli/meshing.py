@@ -37,8 +37,8 @@ HEAD = ("stage", "seconds", "nodes", "tets", "mean q", "q_max", "q > 0.6")
 CORTEX_OF = {
     "white": "the surface is a white surface: the mesh holds white matter without the cortex "
     "(`cortet fold` takes its outermost layer as cortex)",
-    None: "neither name nor content say if the surface is white or pial: the set cortex is the outermost layer, as in a "
-    "pial surface (if it is white, set export.cortex_layer: false)",
+    None: "neither name nor content say if the surface is white or pial: the set cortex is the outermost layer, "
+    "as in a pial surface (if it is white, set export.cortex_layer: false)",
 }
 
 if TYPE_CHECKING:

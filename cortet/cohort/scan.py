@@ -16,7 +16,7 @@ from cortet.cohort.sheet import HEMISPHERES, WHITE, Case, is_file_name
 from cortet.config import Scan
 from cortet.errors import InputError, counted
 from cortet.formats.ownership import json_of
-from cortet.formats.untrusted import ELSEWHERE, content_is_elsewhere, is_there
+from cortet.formats.untrusted import content_is_elsewhere, elsewhere, is_there
 
 #: any entities of BIDS, such as `_ses-1_acq-T1w_hemi-L`
 _ENTITIES = "(?:_[A-Za-z0-9]+-[A-Za-z0-9+.]+)*"
@@ -240,7 +240,7 @@ def _say_which(cases: Sequence[Case], say: Callable[[str], object], *, pial: boo
     for case in cases:
         for path in (case.surface, *case.inner.values()):
             if content_is_elsewhere(path):
-                say(f"{path}: {ELSEWHERE} (datalad get {path})")
+                say(str(elsewhere(path)))
 
 
 def _label(name: str, folders: dict[str, str], directory: Path, say: Callable[[str], object]) -> str:
@@ -279,7 +279,7 @@ def _volumes_of(
         if existing := [file for file in files if file.is_file()]:
             found[name] = str(existing[0])
         elif away := [file for file in files if content_is_elsewhere(file)]:
-            say(f"{away[0]}: {ELSEWHERE}, so the volume {name} is left out (datalad get {away[0]})")
+            say(f"{elsewhere(away[0])}, so the volume {name} is left out")
     return found
 
 

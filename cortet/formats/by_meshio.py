@@ -49,6 +49,10 @@ _ONCE = {
     rb"^\*PART\b": "a second *PART",
     rb"^\*INSTANCE\b": "a second *INSTANCE",
 }
+#: blocks that add members to a set: Abaqus takes those of all, meshio of the last one
+_SETS = re.compile(
+    rb"^\*(?:NODE|NSET|ELEMENT|ELSET)\s*,(?:[^\n]*,)?\s*((?:N|EL)SET)\s*=\s*(\"[^\"\n]*\"|[^,\s]+)", _LINES
+)
 #: array of VTK that hides cells
 _GHOSTS = "vtkGhostType"
 #: writes a file of VTK anew, in a form that meshio reads
@@ -140,11 +144,10 @@ def _read_abaqus(path: Path) -> Any:
     text = content(path)
     strange = [found[0].split(b"\n")[0].decode("ascii", "replace") for found in _UNREAD.finditer(text)]
     strange += [words for line, words in _ONCE.items() if len(re.findall(line, text, _LINES)) > 1]
-    of_blocks = re.findall(rb"^\*ELEMENT\b[^\n]*ELSET\s*=\s*([^,\s]+)", text, _LINES)
-    if strange or len({*of_blocks}) < len(of_blocks):
-        raise ValueError(
-            f"cortet reads one part of nodes, elements and sets, not {[*strange, 'two blocks of one ELSET'][0]}"
-        )
+    sets = [b" ".join(found).decode("utf-8", "replace").upper() for found in _SETS.findall(text)]
+    strange += [f"two blocks of {name}" for name in sets if sets.count(name) > 1]
+    if strange:
+        raise ValueError(f"cortet reads one part of nodes, elements and sets, not {strange[0]}")
     plain = _TYPE.sub(lambda match: match[0].upper(), _LAST_COMMA.sub(rb"\1", _COMMENTS.sub(b"", text)))
     found = _read_changed(plain, path, meshio.abaqus.read)
     found.field_data = {name: [tag, 3] for name, tag in _named(text).items()}
@@ -169,9 +172,9 @@ def _read_gmsh(path: Path) -> Any:
     text, count = _FIELDS.subn(b"", content(path))
     if count:
         logger.warning("%s: Gmsh views are not read", path)
-    of_volumes = [name for dimension, _, name in _GROUPS.findall(text) if dimension == b"3"]
-    if twice := next((name for name in of_volumes if of_volumes.count(name) > 1), None):
-        what = f"two physical volumes have the name {twice.decode('utf-8', 'replace')!r}"
+    groups = [name for dimension, _, name in _GROUPS.findall(text) if dimension in (b"2", b"3")]
+    if twice := next((name for name in groups if groups.count(name) > 1), None):
+        what = f"two physical groups have the name {twice.decode('utf-8', 'replace')!r}"
         raise InputError(what, file=path, remedy="in Gmsh, give each physical group its own name")
     try:
         return _read_changed(text, path, meshio.gmsh.read)

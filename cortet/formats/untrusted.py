@@ -25,7 +25,6 @@ _LONGEST_NAME = 80
 #: first bytes of what is packed by gzip
 GZIP = b"\x1f\x8b"
 #: what is said of a link whose content is not here
-ELSEWHERE = "is a link to a file that was not downloaded"
 _READABLE = "check the path and its permissions"
 
 _T = TypeVar("_T")
@@ -45,7 +44,7 @@ def elsewhere(path: str | Path) -> InputError:
     """The error for a link to what is not here."""
     target = Path(path).readlink()
     if "annex" in target.parts or ".git" in target.parts:
-        return InputError(ELSEWHERE, file=path, remedy=f"datalad get {path}")
+        return InputError("is a link to a file that was not downloaded", file=path, remedy=f"datalad get {path}")
     return InputError(
         f"is a link to {target}, which is missing", file=path, remedy="restore that file, or name another"
     )

@@ -103,8 +103,8 @@ def _require_steps(path: Path) -> None:
         named = [step.attrib["file"] for step in ElementTree.fromstring(content(path)).iter("DataSet")]
     if missing := [name for name in named if not (path.parent / name).is_file()]:
         what = (
-            f"{len(missing)} of the {counted(len(named), 'file')} that it names "
-            f"{'is' if len(missing) == 1 else 'are'} missing: {missing[0]}"
+            f"names {counted(len(missing), 'file that is', 'files that are')} missing, of {len(named)}: "
+            f"{', '.join(missing[:3])}"
         )
         raise InputError(what, file=path, remedy="put them next to it, or correct their names in it")
 

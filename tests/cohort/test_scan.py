@@ -285,3 +285,7 @@ def test_links_whose_content_is_elsewhere_are_named(tmp_path):
     with pytest.raises(InputError, match="is a link to a file that was not downloaded") as error:
         read_surface(surf / "rh.pial")
     assert str(error.value) == str(missing_surface(surf / "rh.pial", column="surface"))
+    (surf / "rh.pial").unlink()
+    (surf / "rh.pial").symlink_to("rh.pial.T1")  # as FreeSurfer 8 makes it
+    scan(folder, Scan(pial=True), said.append)
+    assert f"{surf / 'rh.pial'}: is a link to rh.pial.T1, which is missing" in said[-1]

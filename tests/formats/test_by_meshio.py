@@ -242,6 +242,8 @@ def test_steps_and_comments_of_abaqus_do_not_matter(tmp_path, lines):
         "*PART, NAME=a\n*END PART\n*PART, NAME=b\n*END PART",
         "*INSTANCE, NAME=a\n*END INSTANCE\n*INSTANCE, NAME=b\n*END INSTANCE",
         "*INSTANCE, NAME=a, PART=b\n5., 0., 0.\n*END INSTANCE",
+        "*NSET, NSET=a\n1, 2\n*Nset, generate, nset = A\n3, 9, 1",
+        "*ELSET, ELSET=a\n1\n*ELSET, ELSET=a\n2",
         "*ELEMENT, TYPE=S3\n900, 1, 2, 3, 4",
         "*ELEMENT, TYPE=C3D10\n900, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10",
     ],
@@ -290,12 +292,13 @@ def test_files_of_gmsh_that_meshio_cannot_read_are_read(tmp_path, how):
     assert members == {"inner": pytest.approx(30**3), "outer": pytest.approx(60**3 - 30**3)}
 
 
-def test_two_groups_of_gmsh_with_one_name_are_refused(tmp_path):
-    """Half of the tetrahedra were in the set, and the rest in `region_1`."""
+@pytest.mark.parametrize("other", [2, 3])
+def test_two_groups_of_gmsh_with_one_name_are_refused(tmp_path, other):
+    """The set had the members of one of them, in silence."""
     path = written(tmp_path / "x.msh", file_format="gmsh22", binary=False)
-    groups = '$PhysicalNames\n2\n3 1 "brain"\n3 2 "brain"\n$EndPhysicalNames\n$Nodes'
+    groups = f'$PhysicalNames\n2\n{other} 1 "brain"\n3 2 "brain"\n$EndPhysicalNames\n$Nodes'
     path.write_text(path.read_text().replace("$Nodes", groups, 1))
-    assert "two physical volumes have the name 'brain'" in refused(path)
+    assert "two physical groups have the name 'brain'" in refused(path)
 
 
 def test_fibre_and_sheet_directions_of_opencarp_are_read_and_other_elements_named(tmp_path):

@@ -67,7 +67,7 @@ def field_not_finite(mesh: TetMesh) -> TetMesh:
         (faces_changed(lambda faces: np.vstack([faces[:7], faces[7:8, ::-1], faces[8:]])), "inward.* number 8"),
         (faces_changed(lambda faces: np.delete(faces, 7, axis=0)), "1 .*missing"),
         (faces_changed(lambda faces: np.vstack([faces, faces[:1]])), "1 .*more than once"),
-        (faces_changed(lambda faces: np.vstack([faces, [[0, 1, 124]]])), "not boundary faces"),
+        (faces_changed(lambda faces: np.vstack([faces, [[0, 1, 124]]])), "not on the boundary"),
         (interior_node_first, "node 125"),
         (field_not_finite, "thickness.*finite"),
     ],

@@ -225,7 +225,7 @@ WRONG: dict[str, tuple[Callable[[TetMesh], object], str]] = {
                 '<VTKFile type="Collection"><Collection><DataSet timestep="0" file="s.0vtu"/></Collection></VTKFile>'
             )
         ),
-        "r.pvd.*missing, the first is s.0vtu",
+        "r.pvd: names 1 file that is missing, of 1: s.0vtu",
     ),
     "cut off": (lambda _: Path("r.vtu").write_bytes(Path("r.vtu").read_bytes()[:300]), "r.vtu"),
     "mesh changed": (lambda _: Path("x.vtu").write_bytes(Path("x.vtu").read_bytes() + b"\n"), "x.vtu.*changed"),
