@@ -82,8 +82,8 @@ class _Table:
         if len(values) == 1 and low <= (weeks := round(values.pop(), 2)) <= high:
             return weeks, f"ages read from {self._heading}"
         return None, (
-            f"age not read: {' and '.join(texts)} in {self._heading} must be one gestational age from {low:g} to "
-            f"{high:g} weeks (if it is in days, state its Units, days, in the JSON file of the table)"
+            f"age not read: {' and '.join(texts)} in {self._heading} must be one gestational age with a decimal point, "
+            f"from {low:g} to {high:g} weeks (if it is in days, state its Units, days, in the JSON file of the table)"
         )
 
     @property

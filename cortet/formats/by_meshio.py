@@ -24,7 +24,7 @@ from cortet.errors import InputError
 from cortet.formats import child
 from cortet.formats.set_arrays import without_sets
 from cortet.formats.tags import with_names
-from cortet.formats.untrusted import check_file, content, naming
+from cortet.formats.untrusted import check_file, content, naming, require_named_files
 from cortet.meshes import REGION, IntArray, MeshSets, TetMesh
 
 logger = logging.getLogger(__name__)
@@ -188,8 +188,7 @@ def _read_gmsh(path: Path) -> Any:
 
 
 def _read_xdmf(path: Path) -> Any:
-    for name in sorted({*re.findall(rb"([^\s/>]{1,255}\.h5):", content(path))}):
-        check_file(path.with_name(name.decode("utf-8", "replace")))
+    require_named_files(path)
     return meshio.xdmf.read(str(path))
 
 

@@ -11,6 +11,7 @@ import re
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from html import unescape
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -24,7 +25,13 @@ from cortet.meshes import MeshSets, TetMesh, TriSurface
 _LONGEST_NAME = 80
 #: first bytes of what is packed by gzip
 GZIP = b"\x1f\x8b"
-#: what is said of a link whose content is not here
+#: names of the files that hold what a file shows, by its ending
+_NAMED = {
+    ".pvd": rb'<DataSet\b[^>]*\bfile="([^"]+)"',
+    ".pvtu": rb'<Piece\b[^>]*\bSource="([^"]+)"',
+    ".xdmf": rb"([^\s/>]{1,255}\.h5):",
+}
+#: what is said of a file that cannot be opened
 _READABLE = "check the path and its permissions"
 
 _T = TypeVar("_T")
@@ -48,6 +55,23 @@ def elsewhere(path: str | Path) -> InputError:
     return InputError(
         f"is a link to {target}, which is missing", file=path, remedy="restore that file, or name another"
     )
+
+
+def require_named_files(path: Path) -> None:
+    """Raise InputError if a file that a file of ParaView or XDMF names is missing: their readers say something else."""
+    kind = path.suffix.lower()
+    if kind not in _NAMED:
+        return
+    found = dict.fromkeys(re.findall(_NAMED[kind], content(path)))
+    named = [unescape(name.decode("utf-8", "replace")) for name in found]
+    missing = [name for name in named if not is_there(path.parent / name)]
+    if missing:
+        what = f"names {counted(len(missing), 'file that is', 'files that are')} missing, of {len(named)}: {missing[0]}"
+        raise InputError(what, file=path, remedy="put them next to it, or correct their names in it")
+    if not named and kind != ".xdmf":  # which may hold its values itself
+        raise InputError("names no file", file=path, remedy="save it again: it is empty or damaged")
+    for name in named:
+        check_file(path.parent / name)
 
 
 def check_file(path: str | Path) -> None:

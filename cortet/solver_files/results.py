@@ -10,7 +10,6 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from cortet.errors import DamagedFileError, InputError, counted
 from cortet.formats import child, result_reader
 from cortet.formats.placement import UNITS
 from cortet.formats.set_arrays import holds_set
-from cortet.formats.untrusted import by_library, check_file, content, safely_named, sound
+from cortet.formats.untrusted import check_file, require_named_files, safely_named, sound
 from cortet.formats.values import in_components
 from cortet.formats.volumes import matrices
 from cortet.geometry.topology import edges, used_vertices
@@ -65,8 +64,7 @@ def read_result(path: Path) -> Iterator[Step]:
             file=path,
             remedy="in ParaView, Merge Blocks, then save as PVD",
         )
-    if path.suffix.lower() == ".pvd":
-        _require_steps(path)
+    require_named_files(path)
     with TemporaryDirectory(prefix="cortet-result-") as folder:
         done = child.run([sys.executable, "-P", result_reader.__file__, str(path.absolute()), folder])
         if done.returncode:
@@ -95,18 +93,6 @@ def chosen(steps: Iterable[Step], names: Collection[str], file: Path) -> Iterato
             for fields in (mesh.point_data, mesh.cell_data)
         )
         yield Step(time, replace(mesh, point_data=of_nodes, cell_data=of_cells))
-
-
-def _require_steps(path: Path) -> None:
-    """Raise InputError if a file of a series of ParaView is missing, of which its reader only says what it is not."""
-    with by_library("PVD", path):
-        named = [step.attrib["file"] for step in ElementTree.fromstring(content(path)).iter("DataSet")]
-    if missing := [name for name in named if not (path.parent / name).is_file()]:
-        what = (
-            f"names {counted(len(missing), 'file that is', 'files that are')} missing, of {len(named)}: "
-            f"{', '.join(missing[:3])}"
-        )
-        raise InputError(what, file=path, remedy="put them next to it, or correct their names in it")
 
 
 def in_order(result: TetMesh, mesh: TetMesh, *, file: Path, mesh_file: Path) -> Order:
