@@ -186,7 +186,7 @@ if ! has_stamp ''; then
 
     say "compiling the numerical code, once per machine and version: a minute or two"
     kernels=$($venv/bin/python -c 'from cortet.geometry.kernel_cache import cache_folder; print(cache_folder())')
-    report_progress "find '$kernels' -name '*.nbc' | wc -l" "compiled functions, of about $kernel_count" 9<&- & progress=$!
+    report_progress "find '$kernels' -name '*.nbc' -newer $venv/pyvenv.cfg | wc -l" "compiled functions, of about $kernel_count" 9<&- & progress=$!
     $venv/bin/python -c 'from cortet.pipeline import warm_up; warm_up()' || { kill $progress; exit 1; }
     kill $progress
     wanted_stamp >$venv/.stamp

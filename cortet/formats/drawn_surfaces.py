@@ -18,7 +18,10 @@ _BEGINS = {
     ".obj": re.compile(rb"[^\0<]*?^v[ \t]+[-+.\d]", re.MULTILINE),
 }
 #: headers, without which meshio 5.3 would read on for ever
-_HEADER = {".ply": re.compile(rb"\nend_header\s"), ".off": re.compile(rb"OFF\s+(?:#[^\n]*\s+)*(\d+) (\d+) \d+\s")}
+_HEADER = {
+    ".ply": re.compile(rb"\nend_header\s"),
+    ".off": re.compile(rb"\b(?:ST)?[CN]*OFF\s+(?:#[^\n]*\s+)*(\d+) (\d+) \d+\s"),
+}
 #: another name of the list of corners in PLY, which meshio does not know
 _CORNERS = re.compile(rb"(property list \w+ \w+ )vertex_index\s")
 _DECLARED = re.compile(rb"element (vertex|face) (\d+)")
@@ -35,7 +38,7 @@ def read(path: Path) -> TriSurface:
 
     data = content(path)
     kind = str(kind_of(data))
-    with by_library(f"a {kind[1:].upper()} surface of triangles", path), TemporaryDirectory() as folder:
+    with by_library(f"{kind[1:].upper()}, a surface of triangles", path), TemporaryDirectory() as folder:
         header = _HEADER[kind].search(data) if kind in _HEADER else None
         if kind in _HEADER and not header:
             raise ValueError("its header is incomplete")
@@ -47,6 +50,8 @@ def read(path: Path) -> TriSurface:
             raise ValueError("it is truncated")
         if kind == ".obj":  # meshio takes normals and textures for fields, one for each vertex
             data = b"\n".join(line for line in data.splitlines() if line.split()[:1] in ([b"v"], [b"f"]))
+        if header and kind == ".off":
+            data = b"OFF\n%d %d 0\n" % tuple(declared) + _plain(data[header.end() :], declared[0])
         (unpacked := Path(folder) / f"surface{kind}").write_bytes(_CORNERS.sub(rb"\1vertex_indices\n", data, 1))
         found = {".ply": meshio.ply, ".off": meshio.off, ".obj": meshio.obj}[kind].read(str(unpacked))
         points = np.asarray(found.points, float)[:, :3]
@@ -56,3 +61,9 @@ def read(path: Path) -> TriSurface:
         if declared and declared != [len(points), len(faces)]:
             raise ValueError("it has fewer vertices or faces than it declares")
     return triangulated(points, faces, path)
+
+
+def _plain(body: bytes, vertices: int) -> bytes:
+    """The lines of OFF without what follows coordinates and corners: normals and colours, as MeshLab writes them."""
+    rows = [row for line in body.splitlines() if (row := line.split(b"#")[0].split())]
+    return b"\n".join([b" ".join(row[:3]) for row in rows[:vertices]] + [b" ".join(row[:4]) for row in rows[vertices:]])

@@ -92,7 +92,7 @@ REFUSED: list[bytes] = [
     *(OBJ, OBJ + b"f -3 -2 -1\n", OBJ + b"f 1 2 4\n", OBJ + b"v 1 1 0\nf 1 2 4 3\n"),
     OBJ.replace(b"1 0 0", b"1 0 x") + b"f 1 2 1\n",
     *(OFF.replace(b"3 1 0", b"3 2 0"), OFF[:4]),
-    *(OFF.replace(b"OFF", head) for head in (b"4OFF", b"COFF", b"OFF BINARY")),
+    *(OFF.replace(b"OFF", head) for head in (b"4OFF", b"OFF BINARY")),
     *(OFF.replace(b"3 0 1 2", b"4 0 1 2"), OFF.replace(b"3 0 1 2", b"3 0 1 3"), OFF.replace(b"1 0 0\n", b"1 0 x\n")),
     b"\xff\xff\xff\x00\x00\x00\x01\x00\x00\x00\x00\x00\x00\x00\x01" + bytes(4),
 ]

@@ -150,6 +150,14 @@ def test_an_obj_file_may_say_more_and_is_one_closed_surface(tmp_path):
     assert surface_topology(surface.faces).problems() == []
 
 
+def test_an_off_file_of_meshlab_has_normals_and_colours(tmp_path):
+    text = b"NCOFF\n4 4 0\n0 0 0 255 255 255 255 0 0 1\n1 0 0 0 0 0 255 0 0 1 # comment\n\n0 1 0 9 9 9 255 0 0 1\n"
+    text += b"0 0 1 9 9 9 255 0 0 1\n3 0 2 1 255 0 0\n3 0 1 3\n3 1 2 3\n3 0 3 2\n"
+    surface = read_surface(saved(tmp_path, "m.off", text))
+    assert surface.points.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    assert surface.faces.tolist() == [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
+
+
 def test_a_ply_file_of_either_order_and_with_other_properties(tmp_path):
     head = "ply\nformat binary_{}_endian 1.0\ncomment x\nelement vertex 3\nproperty double x\nproperty double y\n"
     head += "property double z\nproperty uchar red\nelement face 1\n"
