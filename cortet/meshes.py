@@ -47,10 +47,7 @@ def _plain(array: Any, name: str) -> NDArray[Any]:
     """An array without a mask; InputError if a value is masked, since what is below a mask may be anything."""
     if np.ma.is_masked(array):
         count = int(np.ma.getmaskarray(array).sum())
-        raise InputError(
-            f"{counted(count, 'value of', 'values of')} {name} {'is' if count == 1 else 'are'} masked",
-            remedy="leave these out, or fill them",
-        )
+        raise InputError(f"{counted(count, 'value')} of {name} masked", remedy="leave these out, or fill them")
     return np.asarray(array)
 
 

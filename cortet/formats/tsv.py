@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cortet.errors import InputError
+from cortet.errors import InputError, counted
 from cortet.formats.atomic import atomic_path
 from cortet.formats.untrusted import content
 
@@ -95,7 +95,7 @@ def refusal(found: Sequence[str], path: Path) -> InputError:
     """One error that lists the problems of a table, cut to a readable number."""
     more = [f"and {len(found) - _MOST_PROBLEMS} more"] if len(found) > _MOST_PROBLEMS else []
     told = "\n  ".join([*found[:_MOST_PROBLEMS], *more])
-    return InputError(f"{len(found)} problem(s)\n  {told}", file=path)
+    return InputError(f"{counted(len(found), 'problem')}\n  {told}", file=path)
 
 
 def _lines(path: Path) -> list[tuple[int, str]]:

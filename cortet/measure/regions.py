@@ -101,10 +101,7 @@ def require_known_regions(mesh: TetMesh, surface: TriSurface) -> None:
         raise InputError(what, remedy=remedy)
     unknown = ~np.isin(region, np.arange(1, len(names) + 1))
     if unknown.any():
-        what = (
-            f"{counted(np.count_nonzero(unknown), 'tetrahedron is', 'tetrahedra are')} in the region "
-            f"{region[unknown][0]}, which no surface bounds"
-        )
+        what = f"{counted(unknown.sum(), 'tetrahedron', 'tetrahedra')} of region {region[unknown][0]} without a surface"
         raise InputError(what, remedy=remedy)
 
 

@@ -42,10 +42,7 @@ def back_off(
             return points, share
         offending = np.unique(cells[bad])
         if not share[offending].any():
-            what = (
-                f"{counted(np.count_nonzero(bad), 'tetrahedron is', 'tetrahedra are')} flat or inverted "
-                "before any node moves"
-            )
+            what = f"{counted(bad.sum(), 'tetrahedron is', 'tetrahedra are')} flat or inverted before any node moves"
             raise StageError(what, remedy="use `cortet improve`, which turns inverted tetrahedra")
         share[offending] /= 2
         share[share < 0.5**HALVINGS] = 0

@@ -38,10 +38,7 @@ def _volumes(mesh: TetMesh) -> Iterator[str]:
         yield f"{len(wrong)} of {len(mesh.cells)} tetrahedra have no positive volume, the first is number {first}"
     unused = np.setdiff1d(np.arange(len(mesh.points)), mesh.cells)
     if len(unused):
-        yield (
-            f"{counted(len(unused), 'node belongs', 'nodes belong')} to no tetrahedron, the first is node "
-            f"{unused[0] + 1}"
-        )
+        yield f"{counted(len(unused), 'node belongs', 'nodes belong')} to no tetrahedron, first node {unused[0] + 1}"
 
 
 def _surface(mesh: TetMesh) -> Iterator[str]:

@@ -128,11 +128,7 @@ class BrokenSurface:
         topology = surface_topology(made.faces)
         problems = topology.problems(genus=int(topology.genus))
         problems += [counted(count, "self-intersecting triangle") for count in [len(self_intersections(made))] if count]
-        problems += [
-            counted(count, "triangle without area", "triangles without area")
-            for count in [len(flat_faces(made.points, made.faces))]
-            if count
-        ]
+        problems += [counted(count, "flat triangle") for count in [len(flat_faces(made.points, made.faces))] if count]
         if problems:
             raise InputError(f"after repair the surface still has {'; '.join(problems)}")
         volume = enclosed_volume(made.points, made.faces)
@@ -202,8 +198,7 @@ class BrokenSurface:
             where = in_mm(np.array([self._middle(piece == number) for number in large[:2]]))
             if walls := self._inside_the_first(piece, large):
                 raise InputError(
-                    f"{walls} of {len(large)} pieces {'lies' if walls == 1 else 'lie'} inside the "
-                    "largest, such as the walls of a ventricle; "
+                    f"{walls} of {len(large)} pieces lie inside the largest, such as the walls of a ventricle; "
                     f"shares of the area: {shares}; centres: {where}",
                     remedy="give the outer surface alone, and the others as inner surfaces (--inner NAME=FILE)",
                 )
@@ -278,15 +273,11 @@ class BrokenSurface:
         work = self.work = mending.compacted(self.work)
         if len(spikes := _spikes(work.points, work.faces)):
             self._note("spikes cut off", len(spikes), "vertices", work.points[spikes])
-            work = self.work = mending.compacted(replaced(work, spikes, self.limits.max_piece, f"{len(spikes)} spikes"))
+            cut = replaced(work, spikes, self.limits.max_piece, counted(len(spikes), "spike"))
+            work = self.work = mending.compacted(cut)
         if len(flat := work.faces[flat_faces(work.points, work.faces)]):
             self._note("triangles without area replaced", len(flat), "faces", work.points[flat].mean(axis=1))
-            self.work = replaced(
-                work,
-                flat.ravel(),
-                self.limits.max_piece,
-                counted(len(flat), "triangle without area", "triangles without area"),
-            )
+            self.work = replaced(work, flat.ravel(), self.limits.max_piece, counted(len(flat), "flat triangle"))
 
     def _handles(self) -> None:
         limits = self.limits

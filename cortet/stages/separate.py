@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cortet.config.stages import Regions
-from cortet.errors import InputError, place_mm
+from cortet.errors import InputError, counted, place_mm
 from cortet.geometry.closest_point import tree_of
 from cortet.geometry.intersection import self_intersections
 from cortet.geometry.nesting import depths, joined, parents, region_boundary, sheets
@@ -170,8 +170,9 @@ def _moved_inside(surface: TriSurface, container: TriSurface, *, name: str, gap:
         both = joined([moved, container])
         first = both.points[both.faces[remaining[0]]].mean(axis=0)
         raise InputError(
-            f"the inner surface {name} cannot be moved {gap:g} mm away from the surface around it: {len(remaining)} "
-            f"triangles still intersect, the first at {place_mm(first)}",
+            f"the inner surface {name} cannot be moved {gap:g} mm away from the surface around it: "
+            f"{counted(len(remaining), 'triangle still intersects', 'triangles still intersect')}, the first at "
+            f"{place_mm(first)}",
             remedy="edit the surfaces there, or choose a smaller regions.min_gap",
         )
     distance = np.linalg.norm(points - surface.points, axis=1)

@@ -112,7 +112,7 @@ REFUSED: list[tuple[Callable[[cortet.Mesh], Any], str]] = [
     # the value below a mask may be anything
     (
         lambda _: cortet.surface((np.ma.masked_equal(np.arange(9.0).reshape(3, 3), 4), [[0, 1, 2]])),
-        "1 values of points",
+        "1 value of points",
     ),
     # nothing that can be done with a mesh
     *(

@@ -106,7 +106,7 @@ def test_all_bad_rows_are_named_at_once(tmp_path):
     with pytest.raises(InputError) as error:
         read_sheet(sheet(tmp_path, *rows))
     message = str(error.value)
-    assert "4 problem(s)" in message
+    assert "4 problems" in message
     assert "line 3, columns participant_id, session_id, hemi: sub-s1_ses-01_hemi-L is already in line 2" in message
     assert "line 4, column participant_id: '0 8'" in message
     assert "line 5, column scan_age: 'x'" in message

@@ -36,7 +36,7 @@ def test_rows_are_known_by_their_lines(tmp_path):
 
 def test_a_row_of_another_length_is_named_or_made_to_fit(tmp_path):
     (tmp_path / "t.tsv").write_text("a\tb\n1\n1\t2\n1\t2\t3\n")
-    with pytest.raises(InputError, match=r"2 problem\(s\)\n  line 2, .*1 values for 2"):
+    with pytest.raises(InputError, match=r"2 problems\n  line 2, .*1 values for 2"):
         read_tsv(tmp_path / "t.tsv")
     table, wrong = read_uneven_tsv(tmp_path / "t.tsv")
     assert table.to_numpy().tolist() == [["1", ""], ["1", "2"], ["1", "2"]]

@@ -37,5 +37,5 @@ def test_what_is_no_body_is_refused_with_the_file_and_the_place():
     require_body(CUBE.mesh)
     with pytest.raises(InputError, match="x.vtu: .* twice"):
         require_body(with_listed_twice(CUBE.mesh), "x.vtu")
-    with pytest.raises(InputError, match="1 nodes"):
+    with pytest.raises(InputError, match="1 node belongs"):
         require_body(with_unused_node(CUBE.mesh))

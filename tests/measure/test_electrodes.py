@@ -138,7 +138,7 @@ def test_what_a_user_should_know_is_said_by_name():
     told = electrode_remarks(made, records)
     assert "electrode A1: 100% of it lies on a part of the surface that repair made" in told
     coarse = [one for one in told if "edges of the mesh or more" in one]
-    assert len(coarse) == 1 and "and 1 others: the radius is" in coarse[0], "one remark for a grid of contacts"
+    assert len(coarse) == 1 and "and 1 other: the radius is" in coarse[0], "one remark for a grid of contacts"
     assert any(one.startswith("electrode B1 touches 1") for one in told)
     assert "electrodes A1 and A2 overlap on the mesh" in told
 

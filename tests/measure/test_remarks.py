@@ -50,7 +50,7 @@ def test_a_gap_that_would_make_triangles_cross_is_halved_and_told(monkeypatch):
     assert told(inner=13.7)[-1].startswith("white keeps 0.5 mm")
     assert tried == [1.0, 0.5]
     monkeypatch.setattr(stage, "_SHARES", (1.0,))
-    with pytest.raises(Exception, match="1 triangles"):
+    with pytest.raises(Exception, match="1 triangle still intersects"):
         told(inner=13.7)
 
 

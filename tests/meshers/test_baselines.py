@@ -82,5 +82,5 @@ def test_a_mesh_that_overlaps_itself_is_refused(monkeypatch):
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, 1], [0.3, 0.3, 0.5]], float)
     cells = np.array([[0, 1, 2, 3], [0, 1, 2, 4]], np.int32)
     monkeypatch.setattr(baselines, "tetrahedra", lambda *_, **__: (points, cells))
-    with pytest.raises(StageError, match="netgen.* overlap.* 1 faces"):
+    with pytest.raises(StageError, match="netgen.* overlap.* 1 face has"):
         generate(ball_surface(1), mesher="netgen", cell_size=1.0)

@@ -185,7 +185,7 @@ def scattered() -> TriSurface:
         (breakages.hole(ball(), 30.0), {"max_hole": 50.0}, "88.4 mm"),
         (breakages.hole(ball(), 30.0), {"max_hole": 88.3}, "88.4 mm"),
         (shells(), {}, "2 of 3 pieces"),
-        (dumbbell(), {}, "triangles without area"),
+        (dumbbell(), {}, "flat triangle"),
         (TORUS, {}, "repair.max_loop"),
         (breakages.handle(ball(), 3), {"max_volume_change": 0.001}, "volume"),
         (crossed(), {"max_displacement": 0.001}, "0.001 mm"),

@@ -38,7 +38,11 @@ CUBE = cube_mesh(2)
 @pytest.mark.parametrize(
     ("points", "cells", "word"),
     [
-        (CUBE.points, np.where(np.arange(48)[:, None] == 5, CUBE.cells[:, [1, 0, 2, 3]], CUBE.cells), "1 tetrahedra"),
+        (
+            CUBE.points,
+            np.where(np.arange(48)[:, None] == 5, CUBE.cells[:, [1, 0, 2, 3]], CUBE.cells),
+            "1 tetrahedron is",
+        ),
         (np.vstack([CUBE.points, [[3, 3, 3], [4, 4, 4]]]), CUBE.cells, "2 nodes"),
         # two on the same side of their common face: every volume positive, but part of the space twice
         ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, 1], [0.3, 0.3, 0.5]], [[0, 1, 2, 3], [0, 1, 2, 4]], "add up"),
