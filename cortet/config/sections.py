@@ -12,12 +12,12 @@ from cortet.config.section import (
     Cases,
     CellSize,
     Fraction,
+    MesherName,
     Positive,
     Section,
     Subdivisions,
     Threshold,
 )
-from cortet.config.stages import MesherName
 from cortet.formats import FORMATS
 from cortet.geometry.limits import LEAST_BANK_GAP, MOST_LAYERS
 

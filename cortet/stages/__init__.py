@@ -9,7 +9,7 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 
-from cortet.config.model import Config
+from cortet.config.stages import Config
 from cortet.errors import InputError
 from cortet.meshers import MESHERS
 from cortet.meshers.cgal import installed_backend

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import BaseModel
 
-from cortet.config.model import Config
 from cortet.config.section import Section
+from cortet.config.stages import Config
 from cortet.meshers import MESHERS
 from cortet.meshes import TetMesh, TriSurface
 from cortet.version import version_of
