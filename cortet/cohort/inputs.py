@@ -90,21 +90,10 @@ class Inputs:
         earlier = [one for one in meshes if order.index(one.name) < order.index(stage)]
         return filled(self.plan.layout.mesh(earlier[-1].label), job)
 
-    def reports(self, job: Wildcards) -> dict[str, str]:
-        """Files of the reports of a setting's stages, by stage."""
-
-        def report(stage: Stage) -> str:
-            if stage.nested:
-                return self.plan.layout.separated("white.json")
-            if stage.gives == "surface":
-                return self.plan.layout.surface(stage.label, "white.json")
-            return self.plan.layout.mesh(stage.label, "tetmesh.json")
-
-        first = next(iter(self.sources.case(job).inner), "")  # each report of `separate` is about all inner surfaces
-        return {stage.name: filled(report(stage), job, region=region_wildcard(first)) for stage in self.line(job)}
-
-    def inner_reports(self, job: Wildcards) -> list[str]:
-        """Files of the reports on the inner surfaces, of each stage that takes them by themselves."""
-        labels = [stage.label for stage in self.line(job) if stage.each_surface]
-        patterns = [self.plan.layout.each_surface(label, "white.json") for label in labels]
-        return [path for pattern in patterns for path in self._inner(pattern, job)]
+    def report(self, stage: Stage) -> str:
+        """Pattern of the report of a stage."""
+        if stage.nested:
+            return self.plan.layout.separated("white.json")
+        if stage.gives == "surface":
+            return self.plan.layout.each_surface(stage.label, "white.json")
+        return self.plan.layout.mesh(stage.label, "tetmesh.json")

@@ -315,8 +315,7 @@ class Config(Section):
 
     def export_arguments(self, solver: str) -> dict[str, Any]:
         """Arguments of `export` for one format, plain values."""
-        export = self.export
-        return {"solver": solver, "uncertified": export.uncertified, "unit": export.carp_unit}
+        return {"solver": solver, "unit": self.export.carp_unit}
 
     def placement(self, unit: str | None = None) -> float | None:
         """Factor from stored coordinates to mm; None if nobody states their unit, which is then mm.

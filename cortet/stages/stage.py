@@ -115,6 +115,13 @@ class Stage:
     #: whether the result is the same in every setting of the configuration, so that all of them share it
     shared_by_settings: bool = False
 
+    @property
+    def wildcards(self) -> tuple[str, ...]:
+        """What its jobs differ by, besides case and region."""
+        if self.gives == "surface":
+            return ("res",) if self.nested else ()
+        return ("res", "mesher") if self.shared_by_settings else ("res", "mesher", "setting")
+
     def section_of(self, config: Config) -> Section:
         """Its section of a configuration."""
         section: Section = getattr(config, self.section or self.name)
