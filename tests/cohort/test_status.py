@@ -66,7 +66,7 @@ def test_a_job_on_a_full_disk_says_why_it_failed(tmp_path, monkeypatch):
     write_failure(log, "export", {"case": "sub-a"}, "made", full)
     told = json.loads(failure_path(log).read_text())
     assert (told["reason"], told["remedy"]) == (
-        "x.vtu: cannot be written: its disk has only 0 kB left",
+        "x.vtu: its disk has only 0 kB left",
         "free some space",
     )
 
