@@ -17,12 +17,12 @@ from pathlib import Path
 from typing import Any, Literal, cast
 
 from cortet.cohort.bids import Places, describe, descriptions
+from cortet.cohort.inputs import existing
 from cortet.cohort.jobs import Jobs
 from cortet.cohort.layout import beside, filled
 from cortet.cohort.outdated import set_aside
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import read_sheet
-from cortet.cohort.sources import existing
 from cortet.cohort.states import States, read_states
 from cortet.cohort.status import COLUMNS
 from cortet.config import load

@@ -17,10 +17,10 @@ from snakemake.logging import logger
 
 from cortet.cohort.app import require_plain_python
 from cortet.cohort.bids import require_own_output
+from cortet.cohort.inputs import existing, existing_of
 from cortet.cohort.jobs import Jobs
 from cortet.cohort.layout import EXPORTED, LABELS, WILDCARDS, beside, inner_of
 from cortet.cohort.lock import require_free
-from cortet.cohort.sources import existing, existing_of
 from cortet.cohort.states import States, edited_exports, made_otherwise
 from cortet.cohort.user_files import content
 from cortet.config import keys_not_given, read

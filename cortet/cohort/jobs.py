@@ -14,11 +14,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from cortet.cohort.inputs import Inputs
+from cortet.cohort.inputs import Inputs, Sources
 from cortet.cohort.layout import EXPORTED, Wildcards, filled, inner_of, region_wildcard
 from cortet.cohort.plan import Plan
 from cortet.cohort.resources import cost, expected_tets, expected_volume_ml, memory_to_ask_mb, minutes_to_ask
-from cortet.cohort.sources import Sources
 from cortet.cohort.user_files import content
 from cortet.config import Config
 from cortet.stages import STAGES, certify_record
