@@ -248,7 +248,7 @@ def cohort_tables(states: States) -> Results:
     files = _tables(plan)
 
     def inputs() -> list[str]:
-        measured = [*states.measured_certificates(), *states.exported_files(), *states.stage_records()]
+        measured = [*states.measured_certificates(), *states.exported_files(), *plan.quality_records(states.measured())]
         return [*measured, *states.tissue_tables().values()]
 
     def facts() -> Any:
@@ -261,7 +261,7 @@ def cohort_tables(states: States) -> Results:
         _write_status(states)
         certificates, cases = [*map(read_certificate, states.measured_certificates())], list(plan.cases.values())
         cohort_tables.write_quality(certificates, cases, files["quality"])
-        cohort_tables.write_stages(states.stage_records(), files["stages"])
+        cohort_tables.write_stages(plan.quality_records(states.measured()), files["stages"])
         if plan.has_volumes:
             tables = states.tissue_tables()
             described = [plan.described(mesh) for mesh in tables]

@@ -15,13 +15,12 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import Any, Literal
 
 import yaml
 
-from cortet.cohort.bids import is_own_output, require_own_output
+from cortet.cohort.bids import is_own_output
 from cortet.cohort.layout import EXPORTED, LABELS_OUT
-from cortet.cohort.lock import hold
 from cortet.cohort.scan import scan
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
 from cortet.cohort.states import States
@@ -122,12 +121,6 @@ def write_workflow(folder: Path) -> list[Path]:
         with atomic_path(folder / file) as temporary:
             temporary.write_text(text, encoding="utf-8")
     return [folder / file for file in texts]
-
-
-def lock(dataset: Path, output: Path) -> IO[str]:
-    """Lock the output folder of a run until the file that is returned is closed; nothing is written there before."""
-    require_own_output(output, dataset)
-    return hold(output)
 
 
 def find(
@@ -273,7 +266,7 @@ def outcome(states: States, output: Path, *, page: bool, names: Collection[str] 
     names : of the cases that the run was asked for; None: all
     """
     plan, rows = states.plan, states.rows()
-    worst = _worst_states(rows, plan.cases if names is None else names)
+    worst = worst_states(rows, plan.cases if names is None else names)
     if not worst:
         return "the sheet includes no case"
     counts = Counter(worst.values())
@@ -290,12 +283,7 @@ def outcome(states: States, output: Path, *, page: bool, names: Collection[str] 
     return f"{len(worst)} {'case' if len(worst) == 1 else 'cases'}: {words}; {look}{meshes}"
 
 
-def states_of(states: States, names: Collection[str] | None = None) -> dict[str, str]:
-    """The state of each case, that of the worst of its meshes; parameters as of `outcome`."""
-    return _worst_states(states.rows(), states.plan.cases if names is None else names)
-
-
-def _worst_states(rows: Iterable[Mapping[str, Any]], names: Collection[str]) -> dict[str, str]:
+def worst_states(rows: Iterable[Mapping[str, Any]], names: Collection[str]) -> dict[str, str]:
     """The worst state of each named case, from rows of the table of states."""
     worst = list(_IN_WORDS)
     states: dict[str, str] = {}

@@ -125,14 +125,10 @@ class Plan:
         final = [path for mesh in self.meshes() for path in self.final_files(mesh)]
         return [*final, *self.each_case(self.layout.certificate).values()]
 
-    def measured_stages(self) -> list[str]:
-        """Labels of the stages that the table of stages shows."""
-        return [LABELS[stage] for stage in _TABLED if self.config.enabled(stage)]
-
-    def quality_records(self) -> list[str]:
-        """Quality records of all meshes."""
-        patterns = [self.layout.mesh(label, "quality.json") for label in self.measured_stages()]
-        return [path for pattern in patterns for path in self.each_case(pattern).values()]
+    def quality_records(self, meshes: Sequence[Mesh]) -> list[str]:
+        """Quality records of some meshes, stage by stage, as the table of stages shows them."""
+        labels = [LABELS[stage] for stage in _TABLED if self.config.enabled(stage)]
+        return [self.file(self.layout.mesh(label, "quality.json"), mesh) for mesh in meshes for label in labels]
 
     @property
     def has_volumes(self) -> bool:
@@ -175,7 +171,7 @@ class Plan:
         """All files of single cases that a whole run makes, without those of folds."""
         return [
             *self.solver_files(),
-            *self.quality_records(),
+            *self.quality_records(self.meshes()),
             *self.each_case(self.layout.case_page).values(),
             *(path for hemi in "LR" for path in self.maps(hemi).values()),
         ]

@@ -87,11 +87,6 @@ class States:
         """Certificates of all meshes that have one."""
         return [self.plan.file(self.plan.layout.certificate, mesh) for mesh in self.measured()]
 
-    def stage_records(self) -> list[str]:
-        """Quality records, stage by stage, of the meshes that have a certificate."""
-        patterns = [self.plan.layout.mesh(label, "quality.json") for label in self.plan.measured_stages()]
-        return [self.plan.file(pattern, mesh) for mesh in self.measured() for pattern in patterns]
-
     def exported_files(self) -> list[str]:
         """Last meshes, and files for solvers with their sidecars, of the meshes that did not fail."""
         meshes = [mesh for mesh in self.plan.meshes() if mesh not in self.failures]
