@@ -18,9 +18,8 @@ def missing_surface(source: object, *, column: str) -> InputError:
     """The error for a surface that is missing; `column` of the sheet names it."""
     if content_is_elsewhere(str(source)):
         return elsewhere(str(source))
-    if Path(str(source)).exists():
-        return InputError("is not a file", file=source, remedy=f"correct the column {column} of the cohort sheet")
-    return InputError("no such file", file=source, remedy=f"correct the column {column} of the cohort sheet")
+    what = "is not a file" if Path(str(source)).exists() else "no such file"
+    return InputError(what, file=source, remedy=f"correct the column {column} of the cohort sheet")
 
 
 def require_hemisphere(path: str | Path, hemi: str | None) -> None:

@@ -11,33 +11,10 @@ from cortet.cohort import status
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import Case
 from cortet.cohort.states import States
-from cortet.cohort.status import COLUMNS, failure_path, failure_reason, write_failure
+from cortet.cohort.status import failure_path, failure_reason, write_failure
 from cortet.config import Config
 from cortet.errors import InputError
 from cortet.formats.certificates import certificate_of, sealed
-from cortet.formats.tables import names, write_table
-from cortet.formats.tsv import read_tsv
-
-
-def test_a_failure_and_an_exclusion_are_rows_too(tmp_path):
-    meshes = [
-        {
-            "case": "sub-1",
-            "cell_size_mm": 0.6,
-            "mesher": "cgal",
-            "stage": "gate",
-            "state": "failed",
-            "reason": 'two\t"bodies"\n',
-            "log": "a.log",
-        },
-        {"case": "sub-2", "state": "excluded", "reason": "motion"},
-    ]
-    write_table(COLUMNS, meshes, tmp_path / "status.tsv", tmp_path / "status.json")
-    failed, excluded = read_tsv(tmp_path / "status.tsv").to_dict("records")
-    assert (failed["stage"], failed["reason"], failed["log"]) == ("gate", 'two "bodies"', "a.log")
-    assert (excluded["stage"], excluded["cell_size_mm"], excluded["reason"]) == ("n/a", "n/a", "motion")
-    assert list(json.loads((tmp_path / "status.json").read_text())) == names(COLUMNS)
-
 
 STACK = 'Current thread 0x00007f (most recent call first):\n  File "/x/a.py", line 3 in fill\n  File "b.py", line 4\n'
 
