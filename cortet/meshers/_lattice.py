@@ -27,7 +27,7 @@ CONSTANT = 1.54
 GAP = 0.5
 #: least distance between the nodes of two lattices, over the mean of their cell sizes
 APART = 0.75
-#: spacing of the lattices in the core grows by this share of the depth
+#: spacing of the lattices in the core grows by this share of the depth, and below two or more elements across a layer
 CORE_GROWTH = 0.2
 #: ratio of the spacings of one lattice and the next finer one
 _STEP = 2**0.5
@@ -54,6 +54,7 @@ def graded_nodes(
     cell_size: float,
     core_ratio: float = 1.0,
     core_depth: float = 0.0,
+    growth: float = GROWTH,
     plateau: float = 0.0,
     halve: bool = True,
     balls: FloatArray | None = None,
@@ -71,6 +72,7 @@ def graded_nodes(
     cell_size : mm
     core_ratio : how many times coarser the lattice is in the core
     core_depth : mm, depth below the boundary at which cells begin to grow; of no effect when `core_ratio` is 1
+    growth : share of the distance from the boundary by which finer lattices grow
     plateau : distance from the boundary where finer lattices begin to grow, over the edge length there
     halve : whether blades too thin for the lattice get nodes half-way between their banks
     balls : (k, 5) mm, centre and radius of each ball with smaller cells, and the edge length in it, as `size`
@@ -87,7 +89,7 @@ def graded_nodes(
             nodes = _inside(boundary, CONSTANT * spacing)
         else:
             if ratio < 1:
-                reach = (edge_length * ratio * _STEP**0.5 - sizes) / GROWTH
+                reach = (edge_length * ratio * _STEP**0.5 - sizes) / growth
                 near = reach > 0
                 reach = reach + flat
             else:

@@ -76,7 +76,7 @@ def wanted(
             filled = np.minimum(filled, cortex)
             gap = filled
         size = EDGE_OVER_THICKNESS * filled
-        if across > 1 and surface.inner and parent <= 0:
+        if surface.inner and parent <= 0:
             size = np.minimum(size, EDGE_OF_LAYERS / across * cortex)
         if longest is not None:
             size = np.minimum(size, longest[number])

@@ -129,15 +129,16 @@ def _nodes(
 ) -> FloatArray:
     """Nodes inside the region that some of the remeshed surfaces bound, (n, 3) mm."""
     from cortet.geometry.nesting import joined, turned
-    from cortet.meshers._lattice import graded_nodes
+    from cortet.meshers._lattice import CORE_GROWTH, graded_nodes
+    from cortet.meshers._remesh import GROWTH
     from cortet.meshers._sizes import size_of_contacts
 
     around = size_of_contacts(facts.contacts, facts.cell_size)
     first, *within = [made[one].surface for one in bounds]
-    plateau = 0.0
+    growth, plateau = GROWTH, 0.0
     if facts.elements_across > 1:
         # cells between the surfaces grow from neither side; elsewhere there is a layer of one size at least
-        plateau = (facts.elements_across if bounds[0] == 0 else 1) / 2
+        growth, plateau = CORE_GROWTH, (facts.elements_across if bounds[0] == 0 else 1) / 2
     return graded_nodes(
         joined([first, *map(turned, within)]),
         np.concatenate([made[one].size for one in bounds]),
@@ -145,6 +146,7 @@ def _nodes(
         cell_size=facts.cell_size,
         core_ratio=settings.core_ratio,
         core_depth=settings.core_depth,
+        growth=growth,
         plateau=plateau,
         halve=not within,  # a layer between two surfaces is better without
         balls=np.column_stack([facts.contacts, edge / facts.cell_size * around]),

@@ -88,3 +88,16 @@ def test_the_background_of_a_volume_is_told_with_the_certificate():
     made = cortet.mesh(ball_surface(4, radius=10.0), 2.5, volumes={"tissue": volume}, progress=False)
     (told,) = made.certificate.remarks
     assert float(told.split()[1].rstrip("%")) == pytest.approx(49, abs=2) and "dseg.nii" in told
+
+
+def test_a_cortex_of_one_element_is_told_what_two_cost():
+    surface, inner = ball_surface(4, radius=8.0), {"white": ball_surface(4, radius=6.8)}
+    one, two = (
+        cortet.mesh(surface, 1.4, inner=inner, settings={"regions": {"elements_across": across}}, progress=False)
+        for across in (1, 2)
+    )
+    (told,) = one.certificate.remarks
+    assert told.startswith("the cortex has 1 element across (median), too few for mechanics; 0.7 mm is small enough")
+    assert "regions.elements_across: 2, for three to seven times the tetrahedra" in told
+    assert two.certificate.remarks == ()
+    assert 3 <= two.certificate.quality.tets / one.certificate.quality.tets <= 7
