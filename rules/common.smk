@@ -1,8 +1,8 @@
 """The sheet and the configuration of a run, as the rules see them: a plan and the names of all files.
 
-Snakemake remembers the parameters of each job and runs it again if one has changed (profiles/default). So parameters hold
-the settings of a stage, the VERSION of its code and the SHA-256 of the user's files. Names of files decide nothing: they
-are `derived`.
+Snakemake remembers the parameters of each job and runs it again if one has changed (profiles/default). The parameter
+`made_from` is a hash of the settings of the stages so far, of the VERSION of their code and of the content of the user's
+files. Names of files decide nothing: they are `derived`.
 """
 
 import os
