@@ -167,10 +167,9 @@ rule solver_ready:
         surface=INPUTS.meshed_surface,
         inner=INPUTS.inner_surfaces,
         fields=INPUTS.fields,
-        source=SOURCES.surface,
+        source=by_content(SOURCES.surface),
         gated=LAYOUT.surface("gated"),
-        reports=lambda wildcards: list(INPUTS.reports(wildcards).values())[:-1],  # the last one is its own
-        inner_reports=INPUTS.inner_reports,
+        reports=lambda wildcards: [one.path for one in JOBS.reports(wildcards)[:-1]],  # the last one is its own
     output:
         **mesh_of("solver_ready"),
         certificate=LAYOUT.certificate,
@@ -187,6 +186,7 @@ rule solver_ready:
         limits=lambda wildcards: INPUTS.setting(wildcards).certify.values(),
         layers=CONFIG.export.layers,
         line=JOBS.recorded_line,
+        of_reports=derived(JOBS.of_reports),
         to_mm=SOURCES.placement,
         inner=names_of("inner"),
     script:
