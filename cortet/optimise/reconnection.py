@@ -54,7 +54,7 @@ _SWEEPS, _MEAN_SWEEPS = 12, 4
 _GAINS = ((MIN_GAIN, 2), (1.25, 4), (1.6, 4))
 #: a search is around so many of the worst tetrahedra, or this share of those above the threshold if that is more: with
 #: more, pockets join, and one that is too large is given up
-_SOUGHT, _SOUGHT_SHARE = 40, 0.05
+_SOUGHT, _SOUGHT_SHARE = 40, 0.03
 #: a pocket with more bad tetrahedra than this is given up for this series of powers
 _MOST_HOPE = 100
 #: two series of powers; neither is always better: at 64, the good tetrahedra of a tight pocket hold the worst back
