@@ -13,7 +13,7 @@ from shapes import ball_surface
 
 import cortet
 from cortet.cli import main
-from cortet.errors import InputError
+from cortet.errors import DamagedFileError, InputError
 from cortet.formats import read_mesh
 from cortet.formats.gifti import write_surface
 from cortet.geometry.quadratic import quadratic
@@ -53,6 +53,31 @@ def test_a_file_keeps_loads_and_sets_when_it_is_read_and_saved_again(made, tmp_p
         assert back.point_data[name].sum() == pytest.approx(1, abs=1e-12)
     assert len(back.sets.faces["electrode_A1"]) == made.electrodes().faces[0]
     assert len(back.sets.cells["electrode_B1"]) == 1
+
+
+def test_a_file_that_is_read_or_checked_again_keeps_the_table_of_its_contacts(made, tmp_path):
+    file = made.save(tmp_path / "x.vtu")
+    expected = made.certificate.electrodes
+    again = cortet.read(file)
+    assert (
+        again.certificate.electrodes == cortet.certify(file).electrodes == cortet.certify(made).electrodes == expected
+    )
+    assert [one for one in made.certificate.remarks if "electrode" in one] == list(again.certificate.remarks)
+    again.save(tmp_path / "y.vtu")
+    assert json.loads((tmp_path / "y.certificate.json").read_text())["electrodes"][0]["name"] == "A1"
+    cortet.mesh(ball_surface(4, radius=14.0), 4.0, progress=False).save(tmp_path / "z.vtu")
+    (tmp_path / "z.certificate.json").write_text((tmp_path / "x.certificate.json").read_text())
+    assert cortet.read(tmp_path / "z.vtu").certificate.electrodes == (), "contacts of another mesh"
+
+
+def test_a_certificate_whose_contacts_were_damaged_is_refused_by_its_name(made, tmp_path):
+    file = made.save(tmp_path / "x.vtu")
+    certificate = json.loads((tmp_path / "x.certificate.json").read_text())
+    for damage in ({"faces": "many"}, {"location_mm": [1]}):
+        electrodes = [{**certificate["electrodes"][0], **damage}]
+        (tmp_path / "x.certificate.json").write_text(json.dumps({**certificate, "electrodes": electrodes}))
+        with pytest.raises(DamagedFileError, match="x.certificate.json.*electrodes"):
+            cortet.read(file)
 
 
 def test_abaqus_has_the_faces_of_a_disc_and_the_loads_of_all(made, tmp_path):
