@@ -15,7 +15,8 @@ from cortet.config.sections import Certify
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.formats.placement import placed
-from cortet.measure.certify import certify
+from cortet.measure.certify import certify, with_contacts
+from cortet.measure.electrodes import with_electrodes
 from cortet.stages import STAGES
 
 
@@ -33,7 +34,8 @@ for stage in before if job.params.inner else ():
     if STAGES[stage].each_surface:
         reports[stage]["inner"] = {name: next(of_inner) for name in job.params.inner}
 state, made = job.through(job.state())
-mesh, report = state.mesh, made[last]
+report, inner, layers = made[last], state.surface.inner, job.params.layers
+mesh, contacts = with_electrodes(state.mesh, job.contacts(state.surface), inner, layers)
 if reports.get("repair", {}).get("repaired"):  # the file lacks what repair made
     native = gifti.read_surface(job.input.gated)
 else:
@@ -48,8 +50,9 @@ certificate = certify(
     source=job.input.source,
     parameters=job.params.line,
     reports={**reports, last: report},
-    layers=job.params.layers,
+    layers=layers,
 )
+certificate = with_contacts(certificate, mesh, contacts)
 vtu.write(mesh, job.output.mesh)
 write_json(job.record(report), job.output.report)
 write_json(job.record(asdict(certificate.quality)), job.output.quality)

@@ -92,7 +92,7 @@ def seated(contacts: Sequence[Contact], surface: TriSurface) -> FloatArray:
     if pairs := list(_overlaps(contacts, points)):
         (first, second, distance), *others = pairs
         raise InputError(
-            f"electrodes {first} and {second} overlap: on or in the mesh their centres are {distance:.2g} mm apart"
+            f"electrodes {first} and {second} overlap: on or in the mesh their centres are {distance:.3g} mm apart"
             f"{_too([f'{one} and {other}' for one, other, _ in others])}",
             remedy="correct their coordinates or radii, or leave one out",
         )
