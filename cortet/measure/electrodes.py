@@ -11,13 +11,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cortet.errors import InputError, counted, place_mm
 from cortet.formats.electrodes import Contact
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.containing import containing
-from cortet.geometry.discs import disc
+from cortet.geometry.discs import Disc, disc
+from cortet.geometry.interpolation import is_label
 from cortet.geometry.limits import CELL_SIZE_MM
 from cortet.geometry.mending import measurable
 from cortet.geometry.topology import TRI_EDGES, boundary, boundary_surface
@@ -48,17 +48,17 @@ class ElectrodeRecord:
     location_mm: tuple[float, float, float]
     #: from the given coordinates
     moved_mm: float
-    #: None for a point, as are the next four
-    radius_mm: float | None
-    #: along the boundary, and of a plane circle
-    area_mm2: float | None
-    nominal_area_mm2: float | None
-    #: over the mean edge of the faces that the disc touches
-    radius_over_edge: float | None
     #: faces that it touches; 0 for a point in a tetrahedron
     faces: int
     #: where it lies; None for a mesh of a single region
     region: str | None
+    #: None for a point, as are the next three
+    radius_mm: float | None = None
+    #: along the boundary, and of a plane circle
+    area_mm2: float | None = None
+    nominal_area_mm2: float | None = None
+    #: over the mean edge of the faces that the disc touches
+    radius_over_edge: float | None = None
     #: by name of an integer field or volume: the label with most of the contact, or of the tetrahedron below it
     labels: dict[str, int] = field(default_factory=dict)
     #: equivolumetric depth in the cortex and number of the layer there, if layers are asked for
@@ -139,7 +139,8 @@ def with_electrodes(
     records = []
     for number, contact in enumerate(contacts):
         name, load, cell = f"{ELECTRODE}{contact.name}", np.zeros(len(mesh.points)), int(cells[number])
-        location, about = given[number], _of_point()
+        location = given[number]
+        about: dict[str, Any] = {"kind": "point", "faces": 0}
         if _is_seated(contact, float(nearest.distances[number]), cell < 0):
             location, face, at = nearest.points[number], int(nearest.faces[number]), nearest.barycentric[number]
             cell = int(boundary(mesh).cells[face])
@@ -149,7 +150,7 @@ def with_electrodes(
                 found = disc(outer, face, at, contact.radius)
                 load[:] = 0
                 load[nodes[found.vertices]], touched = found.loads, found.faces
-                about = _of_disc(outer, found.faces, found.area, contact.radius)
+                about = _of_disc(outer, found, contact.radius)
             faces[name] = nodes[outer.faces[touched]]
             about["faces"] = len(touched)
         else:
@@ -222,32 +223,25 @@ def _overlaps(contacts: Sequence[Contact], points: FloatArray) -> Iterable[tuple
             yield contacts[first].name, contacts[first + 1 + second].name, float(distance[second])
 
 
-def _of_point() -> dict[str, Any]:
-    none = dict.fromkeys(("radius_mm", "area_mm2", "nominal_area_mm2", "radius_over_edge"))
-    return {"kind": "point", "faces": 0, **none}
-
-
-def _of_disc(surface: TriSurface, faces: IntArray, area: float, radius: float) -> dict[str, Any]:
-    ends = surface.points[surface.faces[faces][:, TRI_EDGES]]
+def _of_disc(surface: TriSurface, found: Disc, radius: float) -> dict[str, Any]:
+    ends = surface.points[surface.faces[found.faces][:, TRI_EDGES]]
     edge = float(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).mean())
-    nominal = float(np.pi * radius**2)
-    numbers = {"radius_mm": radius, "area_mm2": area, "nominal_area_mm2": nominal, "radius_over_edge": radius / edge}
-    return {"kind": "disc", **numbers}
+    areas = {"area_mm2": found.area, "nominal_area_mm2": float(np.pi * radius**2)}
+    return {"kind": "disc", "radius_mm": radius, **areas, "radius_over_edge": radius / edge}
 
 
 def _labels(mesh: TetMesh, load: FloatArray, cell: int) -> dict[str, int]:
     """The labels at a contact, from its loads and its tetrahedron."""
-    there = np.flatnonzero(load)
-    found = {name: int(values[cell]) for name, values in mesh.cell_data.items() if name != REGION and _is_label(values)}
-    for name, values in mesh.point_data.items():
-        if name != FILLED and _is_label(values):
+    there, found = np.flatnonzero(load), {}
+    for name, values in (mesh.cell_data | mesh.point_data).items():
+        if name in (REGION, FILLED) or values.ndim != 1 or not is_label(values):
+            continue
+        if name in mesh.point_data:
             known, numbers = np.unique(values[there], return_inverse=True)
             found[name] = int(known[np.bincount(numbers, load[there]).argmax()])
+        else:
+            found[name] = int(values[cell])
     return found
-
-
-def _is_label(values: NDArray[Any]) -> bool:
-    return values.ndim == 1 and bool(np.issubdtype(values.dtype, np.integer))
 
 
 def _depths(mesh: TetMesh, inner: list[str], layers: Sequence[float] | None) -> Any:
