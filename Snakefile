@@ -41,7 +41,7 @@ rule all:
     default_target: True
     input:
         lambda _: PLAN.solver_files(),
-        lambda _: PLAN.quality_records(),
+        lambda _: PLAN.quality_records(PLAN.meshes()),
         COHORT_FILES,
         lambda _: FOLDS.files(),
 

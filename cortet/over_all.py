@@ -10,25 +10,27 @@ import json
 import logging
 import os
 from collections.abc import Iterable, Mapping
-from contextlib import chdir, suppress
+from contextlib import chdir
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal, cast
 
 from cortet.cohort.bids import Places, describe, descriptions
+from cortet.cohort.inputs import existing
 from cortet.cohort.jobs import Jobs
 from cortet.cohort.layout import beside, filled
 from cortet.cohort.outdated import set_aside
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import read_sheet
-from cortet.cohort.sources import existing
 from cortet.cohort.states import States, read_states
+from cortet.cohort.status import COLUMNS
 from cortet.config import load
 from cortet.errors import CortetError, InputError
 from cortet.folding.plan import Folds, folds_on_page
 from cortet.formats.atomic import atomic_path, write_json
 from cortet.formats.ownership import json_of
+from cortet.formats.tables import write_table
 from cortet.paper.results import results as paper_results
 from cortet.report.results import Results, files_of
 from cortet.stages import require_nesting, require_programs, settled
@@ -246,12 +248,11 @@ def cohort_tables(states: States) -> Results:
     files = _tables(plan)
 
     def inputs() -> list[str]:
-        measured = [*states.measured_certificates(), *states.exported_files(), *states.stage_records()]
+        measured = [*states.measured_certificates(), *states.exported_files(), *plan.quality_records(states.measured())]
         return [*measured, *states.tissue_tables().values()]
 
     def facts() -> Any:
-        rows = [{**row, "certificate": "certificate" in row} for row in states.status()]
-        return [[asdict(case) for case in plan.sheet], rows]
+        return [[asdict(case) for case in plan.sheet], plan.meshes()]
 
     def write() -> None:
         from cortet.report import cohort_tables
@@ -260,7 +261,7 @@ def cohort_tables(states: States) -> Results:
         _write_status(states)
         certificates, cases = [*map(read_certificate, states.measured_certificates())], list(plan.cases.values())
         cohort_tables.write_quality(certificates, cases, files["quality"])
-        cohort_tables.write_stages(states.stage_records(), files["stages"])
+        cohort_tables.write_stages(plan.quality_records(states.measured()), files["stages"])
         if plan.has_volumes:
             tables = states.tissue_tables()
             described = [plan.described(mesh) for mesh in tables]
@@ -280,11 +281,7 @@ def _tables(plan: Plan) -> dict[str, list[str]]:
 
 
 def _write_status(states: States) -> None:
-    plan = states.plan
-    from cortet.cohort.status import COLUMNS, status_rows
-    from cortet.formats.tables import write_table
-
-    write_table(COLUMNS, status_rows(states.status()), *_tables(plan)["status"])
+    write_table(COLUMNS, states.rows(), *_tables(states.plan)["status"])
 
 
 def _update_states(states: States, *, began: str = "") -> None:
@@ -365,17 +362,6 @@ def _figure(plan: Plan) -> list[str]:
     return files_of(plan, "figure-cohort", ".svg", ".pdf", ".png")
 
 
-def _figure_text(plan: Plan, table: Path) -> str:
-    """The SVG of the figure of a cohort: that of its file, or a new one if the table is newer."""
-    file = Path(_figure(plan)[0])
-    with suppress(OSError, UnicodeDecodeError):
-        if file.stat().st_mtime >= table.stat().st_mtime:
-            return file.read_text(encoding="utf-8")
-    from cortet.report.figures import cohort_figure, svg  # loads Matplotlib
-
-    return svg(cohort_figure(table, **_limits(plan)))
-
-
 def _limits(plan: Plan) -> dict[str, Any]:
     """The limit and the target of the worst q, which figures show."""
     return {"limit": plan.config.certify.q_max, "target": plan.config.target}
@@ -408,6 +394,7 @@ def _write_page(states: States, *, began: str = "") -> None:
     tables = {name: [Path(path) for path in paths] for name, paths in _tables(plan).items()}
     quality, dataset = tables["quality"], plan.config.cohort.dataset
     measured = bool(states.measured_certificates()) and quality[0].exists()
+    figure = Path(_figure(plan)[0])
     small = [Path(path) for path in plan.each_case(plan.layout.thumbnail).values()]
     write_cohort_page(
         tables["status"][0],
@@ -417,7 +404,7 @@ def _write_page(states: States, *, began: str = "") -> None:
             {**row, "thumbnail": data_uri(file.read_bytes()) if file.exists() else None}
             for row, file in zip(states.listed_on_page(), small, strict=True)
         ],
-        figure=_figure_text(plan, quality[0]) if measured else "",
+        figure=figure.read_text(encoding="utf-8", errors="replace") if measured and figure.exists() else "",
         maps={hemi: Path(files[-1]) for hemi, files in _maps(plan).items() if _exists(files[-1])},
         tissues=tables["tissues"][0] if states.tissue_tables() else None,
         more=[part for part in folds_on_page(states) if all(map(_exists, part.files))],

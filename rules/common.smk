@@ -1,8 +1,8 @@
 """The sheet and the configuration of a run, as the rules see them: a plan and the names of all files.
 
-Snakemake remembers the parameters of each job and runs it again if one has changed (profiles/default). So parameters hold
-the settings of a stage, the VERSION of its code and the SHA-256 of the user's files. Names of files decide nothing: they
-are `derived`.
+Snakemake remembers the parameters of each job and runs it again if one has changed (profiles/default). The parameter
+`made_from` is a hash of the settings of the stages so far, of the VERSION of their code and of the content of the user's
+files. Names of files decide nothing: they are `derived`.
 """
 
 import os
@@ -17,17 +17,18 @@ from snakemake.logging import logger
 
 from cortet.cohort.app import require_plain_python
 from cortet.cohort.bids import require_own_output
+from cortet.cohort.inputs import existing, existing_of
 from cortet.cohort.jobs import Jobs
-from cortet.cohort.layout import EXPORTED, LABELS, SHARED, WILDCARDS, beside, inner_of
+from cortet.cohort.layout import EXPORTED, LABELS, WILDCARDS, beside, inner_of
 from cortet.cohort.lock import require_free
-from cortet.cohort.sources import existing, existing_of
-from cortet.cohort.states import States, made_otherwise
+from cortet.cohort.states import States, edited_exports, made_otherwise
 from cortet.cohort.user_files import content
 from cortet.config import keys_not_given, read
 from cortet.errors import CortetError
 from cortet.meshers import OWN
 from cortet.folding.plan import Folds
 from cortet.over_all import REPORTED, plan_of, results
+from cortet.report.records import read_certificate
 from cortet.stages import STAGES, notices
 from cortet.version import version_of
 
@@ -43,13 +44,13 @@ def told_at_start():
         read(Path(file))
     require_own_output(CONFIG.output, CONFIG.cohort.dataset)
     require_free(CONFIG.output)
-    edited = [sentence for mesh in PLAN.meshes() for sentence in PLAN.edited_exports(mesh)]
-    told = [*notices(CONFIG), *PLAN.notices(), *edited]
+    edited = [sentence for mesh in PLANNED.meshes() for sentence in edited_exports(PLANNED, mesh)]
+    told = [*notices(CONFIG), *PLANNED.notices(), *edited]
     if "sheet" in GIVEN.get("cohort", {}) and (defaults := keys_not_given(config, GIVEN)):
         told.append(
             f"config.yaml in {Path.cwd()} sets keys that your own configuration does not: {'; '.join(defaults)}"
         )
-    if others := made_otherwise(PLAN):
+    if others := made_otherwise(PLANNED):
         told.append(
             f"meshes with other settings, surfaces or versions than the present ones: {sum(others.values())}. "
             f"If this run has no jobs for them, `snakemake --forcerun {' '.join(others)}` remakes them"
@@ -60,7 +61,8 @@ def told_at_start():
 try:
     require_plain_python()
     # the sheet is read here and never an input of a rule: a new row then runs one new case
-    PLAN = replace(plan_of(config), waited_for=waited_for)
+    PLANNED = plan_of(config)  # as it lies there
+    PLAN = replace(PLANNED, waited_for=waited_for)
     CONFIG, SETTINGS, CASES = PLAN.config, PLAN.settings, PLAN.cases
     RESULTS = results(States(PLAN))
     for warning in told_at_start() if workflow.is_main_process else []:
@@ -99,14 +101,24 @@ wildcard_constraints:
     suffix="|".join(map(re.escape, EXPORTED)),
 
 
-def of_mesh(stage):
-    """Wildcards of the jobs of a stage that makes a mesh; some stages are shared by all settings."""
-    return SHARED_MESH if LABELS[stage] in SHARED else MESH
-
-
 def intermediate(files):
     """Output that only later stages read."""
     return files if CONFIG.keep_intermediates else temp(files)
+
+
+def by_content(function):
+    """Inputs that the user may have made. Whether these have changed is for `input_sha256` to say, not for their times.
+
+    A copy has a new name and is newer than what was made from the same content.
+    """
+
+    def files(wildcards):
+        found = function(wildcards)
+        if isinstance(found, list):
+            return [one if one.startswith(f"{OUT}/") else ancient(one) for one in found]
+        return found if found.startswith(f"{OUT}/") else ancient(found)
+
+    return files
 
 
 def surface_of(stage):
@@ -151,13 +163,11 @@ def names_of(kind):
 
 
 def stage_params(*stages):
-    """Parameters of the job of some stages, on which its result depends or which the report of the last one records."""
+    """Parameters of the job of some stages: what it is made from, and what the report of the last one records."""
     *_, last = stages
     return {
-        "steps": partial(JOBS.steps, stages),
-        "locations": derived(JOBS.locations),
-        "made_from": made_from(last),
-        "stages_before": partial(JOBS.stages_before, last),
+        "steps": derived(partial(JOBS.steps, stages)),
+        "made_from": partial(JOBS.made_from, last),
         "version": versions(*(["measure.quality"] if last in LABELS else [])),
         **recorded(STAGES[last].label),
     }

@@ -34,9 +34,9 @@ onstart:
     except CortetError as error:
         raise WorkflowError(str(error)) from None
     dropped = is_of_run(config, CONFIG.output)
-    for moved in [] if workflow.touch else set_aside(States(PLAN), dropped=dropped):
+    for moved in [] if workflow.touch else set_aside(States(PLANNED), dropped=dropped):
         logger.warning(moved)
-    remember_run(PLAN, config, ASKED)
+    remember_run(PLANNED, config, ASKED)
     limit = workflow.scheduling_settings.max_jobs_per_timespan
     if limit and (limit.max_jobs, limit.timespan) == (100, 1):  # nobody has asked for another one
         # with it, each finished job makes Snakemake 9 look at its queue once more per second until the run ends
@@ -48,7 +48,7 @@ def end_run(after):
     if not workflow.touch and (HAD_RESULTS or after == "failure"):
         report_what_is_there(after)
     if HELD:
-        logger.warning(outcome(read_states(PLAN), Path(OUT), page="cohort_page" in ASKED))
+        logger.warning(outcome(read_states(PLANNED), Path(OUT), page="cohort_page" in ASKED))
 
 
 onsuccess:
@@ -56,7 +56,7 @@ onsuccess:
 
 
 onerror:
-    for (case, *_), failure in read_states(PLAN).failures.items():
+    for (case, *_), failure in read_states(PLANNED).failures.items():
         if failure["state"] != "unfinished":
             logger.error(f"{case}: {failure['stage']}: {in_words(failure)}")
     end_run("failure")

@@ -42,7 +42,7 @@ rule folded_surface:
         series=rules.fold.output.series,
         mesh=LAYOUT.mesh(LABELS["solver_ready"]),
         meshed=INPUTS.meshed_surface,
-        surface=SOURCES.surface,
+        surface=by_content(SOURCES.surface),
     output:
         **FOLDS.surfaces(),
     log:
@@ -69,7 +69,7 @@ rule fold_figures:
     input:
         table=rules.fold.output.table,
         series=rules.fold.output.series,
-        real=lambda wildcards: [path for path in FOLDS.real_surfaces(wildcards).values() if existing(path)],
+        real=by_content(existing_of(FOLDS.real_surfaces)),
         maps=lambda wildcards: [path for files in FOLDS.pictured(wildcards).values() for path in files],
     output:
         numbers=in_fold_report("folding.svg", "folding", "numbers"),

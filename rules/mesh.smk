@@ -11,7 +11,7 @@ rule generate:
         surface=INPUTS.meshed_surface,
         inner=INPUTS.inner_surfaces,
         fields=INPUTS.fields if CONFIG.generate.size_field else [],  # other fields do not make S1 run again
-        electrodes=existing_of(SOURCES.electrode_paths),
+        electrodes=by_content(existing_of(SOURCES.electrode_paths)),
     output:
         **mesh_of("generate"),
     log:
@@ -170,11 +170,10 @@ rule solver_ready:
         surface=INPUTS.meshed_surface,
         inner=INPUTS.inner_surfaces,
         fields=INPUTS.fields,
-        source=SOURCES.surface,
-        electrodes=existing_of(SOURCES.electrode_paths),
+        source=by_content(SOURCES.surface),
+        electrodes=by_content(existing_of(SOURCES.electrode_paths)),
         gated=LAYOUT.surface("gated"),
-        reports=lambda wildcards: list(INPUTS.reports(wildcards).values())[:-1],  # the last one is its own
-        inner_reports=INPUTS.inner_reports,
+        reports=lambda wildcards: [one.path for one in JOBS.reports(wildcards)[:-1]],  # the last one is its own
     output:
         **mesh_of("solver_ready"),
         certificate=LAYOUT.certificate,
@@ -192,6 +191,7 @@ rule solver_ready:
         layers=CONFIG.export.layers,
         paths=derived(SOURCES.electrode_paths),
         line=JOBS.recorded_line,
+        of_reports=derived(JOBS.of_reports),
         to_mm=SOURCES.placement,
         inner=names_of("inner"),
     script:

@@ -4,7 +4,7 @@
 rule case_page:
     """A page on one mesh for a browser. One that failed has a page of its own kind (cortet.over_all)."""
     input:
-        surface=SOURCES.surface,
+        surface=by_content(SOURCES.surface),
         meshed=INPUTS.meshed_surface,
         inner=INPUTS.inner_surfaces,
         mesh=LAYOUT.mesh(LABELS["solver_ready"]),
@@ -64,7 +64,7 @@ rule volumes:
         mesh=LAYOUT.mesh(LABELS["solver_ready"]),
         surface=INPUTS.meshed_surface,
         inner=INPUTS.inner_surfaces,
-        volumes=existing_of(SOURCES.volume_paths),
+        volumes=by_content(existing_of(SOURCES.volume_paths)),
     output:
         mesh=intermediate(LAYOUT.mesh(LABELS["solver_ready"], "volumes.vtu")),
         table=LAYOUT.mesh("Solver", "volumes.tsv"),
@@ -95,14 +95,14 @@ rule export:
         certificate=LAYOUT.certificate,
         surface=INPUTS.meshed_surface,
         inner=INPUTS.inner_surfaces,
-        fields=existing_of(SOURCES.field_paths),
+        fields=by_content(existing_of(SOURCES.field_paths)),
     output:
-        mesh=LAYOUT.mesh("Solver", "{suffix}"),
-        sidecar=LAYOUT.mesh("Solver", "{suffix}.json"),
+        mesh=LAYOUT.mesh("{label}", "{suffix}"),
+        sidecar=LAYOUT.mesh("{label}", "{suffix}.json"),
     log:
-        LAYOUT.log("export", (*MESH, "suffix")),
+        LAYOUT.log("export", (*MESH, "label", "suffix")),
     benchmark:
-        took("export", (*MESH, "suffix"))
+        took("export", (*MESH, "label", "suffix"))
     priority: 2
     resources:
         **asked("export"),
@@ -131,19 +131,18 @@ if CONFIG.export.ten_nodes:
             certificate=LAYOUT.certificate,
             surface=INPUTS.meshed_surface,
             inner=INPUTS.inner_surfaces,
-            fields=existing_of(SOURCES.field_paths),
+            fields=by_content(existing_of(SOURCES.field_paths)),
         output:
             LAYOUT.ten_node_files(CONFIG.export.ten_nodes),
         log:
-            LAYOUT.log("ten_nodes", MESH),
+            LAYOUT.log("ten_nodes", (*MESH, "label")),
         benchmark:
-            took("ten_nodes", MESH)
+            took("ten_nodes", (*MESH, "label"))
         priority: 2
         resources:
             **asked("ten_nodes"),
         params:
             made_from=made_from("ten_nodes"),
-            arguments={"uncertified": CONFIG.export.uncertified},
             version=versions("solver_files.ten_nodes", "solver_files.export"),
             max_boundary_distance=CONFIG.certify.max_boundary_distance,
             sets=lambda wildcards: CONFIG.export.sets(SOURCES.kind_of_surface(wildcards)),
@@ -153,3 +152,16 @@ if CONFIG.export.ten_nodes:
             paths=derived(SOURCES.field_paths),
         script:
             "../scripts/ten_nodes.py"
+
+
+if CONFIG.export.uncertified:
+
+    checkpoint verdict:
+        """The verdict on a mesh, on which the names of its files for solvers depend where any mesh is exported."""
+        input:
+            LAYOUT.certificate,
+        output:
+            report=LAYOUT.log("verdict", MESH, kind="txt"),
+        localrule: True
+        run:
+            Path(output.report).write_text(read_certificate(input[0])["verdict"] + "\n", encoding="utf-8")

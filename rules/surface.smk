@@ -45,10 +45,10 @@ rule phantom_inner:
 rule fields:
     """The per-vertex fields of a case on the vertices that the gate let in; S1 does not depend on them."""
     input:
-        surface=SOURCES.surface,
-        fields=existing_of(SOURCES.field_paths),
-        sphere=SOURCES.sphere,
-        template=SOURCES.template,
+        surface=by_content(SOURCES.surface),
+        fields=by_content(existing_of(SOURCES.field_paths)),
+        sphere=by_content(SOURCES.sphere),
+        template=by_content(SOURCES.template),
     output:
         surface=LAYOUT.surface("fields"),
     log:
@@ -59,8 +59,8 @@ rule fields:
         **asked("fields"),
     params:
         made_from=made_from("fields"),
-        steps=partial(JOBS.steps, ("resample", "repair", "gate")),
-        locations=derived(JOBS.locations),
+        steps=derived(partial(JOBS.steps, ("resample", "repair", "gate"))),
+        stages=partial(JOBS.made_from, "gate"),
         to_mm=SOURCES.placement,
         input_sha256=lambda wildcards: content(SOURCES.all_paths(wildcards)),
         paths=derived(SOURCES.all_paths),
@@ -72,9 +72,9 @@ rule fields:
 rule resample:
     """Put a surface that has a sphere onto the mesh that all cases share."""
     input:
-        surface=SOURCES.surface,
-        sphere=SOURCES.sphere,
-        template=SOURCES.template,
+        surface=by_content(SOURCES.surface),
+        sphere=by_content(SOURCES.sphere),
+        template=by_content(SOURCES.template),
     output:
         **surface_of("resampled"),
     log:
@@ -95,7 +95,7 @@ rule resample:
 rule gate:
     """Repair a surface where there is one right answer, and let it in if it can be meshed; refuse any other."""
     input:
-        surface=INPUTS.first_surface,
+        surface=by_content(INPUTS.first_surface),
     output:
         **surface_of("gated"),
         repair=LAYOUT.each_surface("repaired", "white.json") if CONFIG.enabled("repair") else [],

@@ -9,7 +9,6 @@ script, which holds the job: `snakemake --cores 1 --skip-script-cleanup FILE`, t
 from __future__ import annotations
 
 import atexit
-import contextlib
 import faulthandler
 import gc
 import glob
@@ -78,7 +77,7 @@ class Job:
 
         reports = {}
         for name, step in self.params.steps.items():
-            about = About(**step["about"], **self.params.locations, **known)
+            about = About(**step["about"], **known)
             state, reports[name] = STAGES[name].run(state, Config(**step["settings"]), about)
         return state, reports
 
@@ -101,6 +100,7 @@ class Job:
         self.require_unchanged_input()
         places = Places(*map(Path, self.params.roots))
         about = {"origin": self.params.origin, "input_sha256": self.params.input_sha256}
+        about |= {"made_from": self.params.made_from} if self.params.get("made_from") else {}
         return {**about, **provenance(self.input, self.params.get("space"), places), **report}
 
 
@@ -160,9 +160,8 @@ def _log_failure(
 ) -> None:
     if issubclass(kind, KeyboardInterrupt):
         error = CortetError(STOPPED)
-    with contextlib.suppress(OSError):  # the disk may be full
-        write_failure(log, *_identity(snakemake), error)
-    if not isinstance(error, CortetError):
+    elif not isinstance(error, CortetError):
         traceback.print_exception(kind, error, trace)
-        error = CortetError(f"{kind.__name__}: {error}")
+        error = CortetError(": ".join(filter(None, (kind.__name__, str(error)))))
     logger.error("%s", error)
+    write_failure(log, *_identity(snakemake), error)

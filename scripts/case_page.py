@@ -1,10 +1,12 @@
 """The page of one mesh, and the small picture that leads to it."""
 
+import gc
 from pathlib import Path
 
 from _job import start
 
 job = start(snakemake)
+gc.disable()  # to look for garbage among what VTK and Matplotlib load takes a tenth of this job, and finds little
 
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import atomic_path
@@ -18,6 +20,8 @@ from cortet.report.records import read_certificate
 given, params = job.input, job.params
 certificate = read_certificate(given.certificate)
 exported = certificate["certified"] or params.exported["uncertified"]
+label, what = ("Solver", "the result") if certificate["certified"] else ("Uncertified", "not certified")
+names = [(name.format(label=label), form) for name, form in params.exported["names"]]
 mesh = vtu.read(given.mesh)
 page = Checked(
     mesh,
@@ -25,7 +29,7 @@ page = Checked(
     gifti.read_nested(given.meshed, given.inner),
     certificate,
     files=[
-        *((name, f"{name} (the result, {form})") for name, form in params.exported["names"] if exported),
+        *((name, f"{name} ({what}, {form})") for name, form in names if exported),
         (Path(given.certificate).name, "certificate (JSON)"),
         (Path(given.mesh).name, "mesh of the last stage (VTU)"),
     ],

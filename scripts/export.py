@@ -9,6 +9,7 @@ job = start(snakemake)
 
 from _exported import read_made
 
+from cortet.cohort.layout import OF_UNCERTIFIED
 from cortet.meshes import by_region
 from cortet.report.records import read_certificate
 from cortet.solver_files.export import export_made
@@ -30,7 +31,7 @@ told = export_made(
         age=job.params.age,
     ),
     **named,
-    arguments=job.params.arguments,
+    arguments={**job.params.arguments, "uncertified": job.wildcards.label == OF_UNCERTIFIED},
 )
 for what in told:
     logging.getLogger("cortet").info("%s", what)

@@ -10,31 +10,28 @@ from _job import start
 job = start(snakemake)
 
 from cortet.cohort.bids import ABOUT
-from cortet.cohort.user_files import require_same_input
 from cortet.config.sections import Certify
+from cortet.errors import StageError
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
+from cortet.formats.certificates import sealed
 from cortet.formats.placement import placed
 from cortet.measure.certify import certify, with_contacts
 from cortet.measure.electrodes import with_electrodes
-from cortet.stages import STAGES
 
-
-def report_of(path: str) -> dict[str, Any]:
-    """A report of a stage that worked from the same input; the certificate says itself whose it is."""
-    report = json.loads(Path(path).read_text(encoding="utf-8"))
-    require_same_input(path, report, job.params.input_sha256)
-    return {key: value for key, value in report.items() if key not in ABOUT}
-
-
-*before, last = (stage for stage in job.params.line if stage != "certify")
-reports = dict(zip(before, map(report_of, job.input.reports), strict=True))
-of_inner = map(report_of, job.input.inner_reports)
-for stage in before if job.params.inner else ():
-    if STAGES[stage].each_surface:
-        reports[stage]["inner"] = {name: next(of_inner) for name in job.params.inner}
+reports: dict[str, Any] = {}
+for path, (stage, rule, inner, made_from) in zip(job.input.reports, job.params.of_reports, strict=True):
+    content = json.loads(Path(path).read_text(encoding="utf-8"))
+    if content.get("made_from") != made_from:
+        what = "was made from other surfaces or settings, or by another version of cortet, than this run"
+        raise StageError(what, file=path, remedy=f"run again with `--forcerun {rule}`")
+    report = {key: value for key, value in content.items() if key not in ABOUT}
+    if inner:
+        reports[stage].setdefault("inner", {})[inner] = report
+    else:
+        reports[stage] = report
 state, made = job.through(job.state())
-report, inner, layers = made[last], state.surface.inner, job.params.layers
+inner, layers = state.surface.inner, job.params.layers
 mesh, contacts = with_electrodes(state.mesh, job.contacts(state.surface), inner, layers)
 if reports.get("repair", {}).get("repaired"):  # the file lacks what repair made
     native = gifti.read_surface(job.input.gated)
@@ -49,11 +46,12 @@ certificate = certify(
     case=job.wildcards.case,
     source=job.input.source,
     parameters=job.params.line,
-    reports={**reports, last: report},
+    reports=reports | made,
     layers=layers,
 )
 certificate = with_contacts(certificate, mesh, contacts)
 vtu.write(mesh, job.output.mesh)
-write_json(job.record(report), job.output.report)
+write_json(job.record(made["solver_ready"]), job.output.report)
 write_json(job.record(asdict(certificate.quality)), job.output.quality)
-write_json(asdict(certificate), job.output.certificate)
+of_run = {"made_from": job.params.made_from, "input_sha256": job.params.input_sha256}
+write_json(sealed(asdict(certificate) | of_run), job.output.certificate)

@@ -14,10 +14,11 @@ from cortet.stages.stage import State
 
 given, params = job.input, job.params
 if column := params.get("column"):  # the user's own file
+    named = next(iter(params.steps.values()))["about"]
     if not given.surface:
-        raise missing_surface(params.locations["source"], column=column)
+        raise missing_surface(named["source"], column=column)
     if "resample" in params.steps and not given.sphere:
-        raise missing_surface(params.locations["sphere_file"], column="sphere")
+        raise missing_surface(named["sphere_file"], column="sphere")
     for file in (given.surface, *([given.sphere] if given.get("sphere") else [])):
         require_hemisphere(file, params.hemi)
     gifti.require_anatomical(given.surface)

@@ -8,6 +8,7 @@ job = start(snakemake)
 
 from _exported import read_made
 
+from cortet.cohort.layout import OF_UNCERTIFIED
 from cortet.geometry.quadratic import quadratic
 from cortet.report.records import read_certificate
 from cortet.solver_files.export import require_certified, with_sets
@@ -19,7 +20,7 @@ mesh, surface, named = read_made(job.input, job.params)
 mesh, _ = with_sets(mesh, surface, Origin(fields=job.params.paths), **named)
 certificate = read_certificate(job.input.certificate)
 targets = [Path(file) for file in job.output[:-1]]
-require_certified(mesh, certificate, targets[0], uncertified=job.params.arguments["uncertified"])
+require_certified(mesh, certificate, targets[0], uncertified=job.wildcards.label == OF_UNCERTIFIED)
 curved = quadratic(mesh, surface, max_boundary_distance=job.params.max_boundary_distance)
 for target in sorted(targets, key=lambda path: path.suffix == ".xdmf"):  # its record, which is kept, lists two files
     write_ten_nodes(mesh, curved, target)

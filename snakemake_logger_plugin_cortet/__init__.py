@@ -114,6 +114,14 @@ class Progress:
             return ""
         return f"failed: {job.mesh or job.rule} in {job.rule}: {why}" + (f"\n  more in {shown(log)}" if log else "")
 
+    def ending(self) -> str:
+        """The last line of a run that did not do all jobs though none failed, as after SIGINT to Snakemake alone."""
+        done, total = self.jobs
+        if not (self.stopped or (self.starts and done < total and not self.failed)):
+            return ""
+        who = "by you" if self.stopped else "though no job failed"
+        return f"stopped {who} after {done} of {total} jobs; the same command goes on from there"
+
     def live(self) -> str:
         """What is running now."""
         done, total = self.jobs
@@ -170,7 +178,7 @@ class LogHandler(LogHandlerBase):
         self.stream, self.progress, self._last = sys.stdout, Progress(), ""
         #: what is said at the end; until a run starts, it may be the answer to an option of Snakemake
         self._at_end: list[str] = []
-        self._runs = False
+        self._runs = self._has_notes = False
         #: whether jobs are taken as done, which says nothing of their meshes; Snakemake tells a logger only here
         self._only_touches = not {"--touch", "-t"}.isdisjoint(sys.argv)
         #: case -> how many jobs of each rule it has in a dry run
@@ -188,13 +196,12 @@ class LogHandler(LogHandlerBase):
 
     def close(self) -> None:
         """Say how it ended."""
-        if self.progress.stopped:
-            done, total = self.progress.jobs
-            self._at_end = [f"stopped by you after {done} of {total} jobs; the same command goes on from there"]
+        if told := self.progress.ending():
+            self._at_end = [told]
         for line in self._at_end:
             self._say(line)
         self._show("")
-        self.progress.stopped, self._at_end = False, []  # it is closed again
+        self.progress, self._at_end = Progress(), []  # it is closed again
         super().close()
 
     def _lines(self, record: LogRecord) -> Iterator[str]:
@@ -202,7 +209,8 @@ class LogHandler(LogHandlerBase):
         progress, known = self.progress, record.__dict__
         match known.get("event"):
             case LogEvent.WORKFLOW_STARTED:
-                self._runs, self._at_end = True, ["nothing to do: everything is up to date"]
+                rest = ", but see the notes above" if self._has_notes else ": everything is up to date"
+                self._runs, self._at_end = True, [f"nothing to do{rest}"]
             case LogEvent.RUN_INFO if not self._plan:
                 self._at_end = []
                 yield progress.planned(known["stats"])
@@ -231,6 +239,7 @@ class LogHandler(LogHandlerBase):
                     self._at_end = []
                     yield record.getMessage()
             case None if record.levelno == WARNING:
+                self._has_notes = True
                 yield record.getMessage()
             case None if not self._runs and record.levelno == INFO:
                 self._at_end.append(record.getMessage())

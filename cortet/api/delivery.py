@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from cortet.config import Config
 from cortet.formats import format_of
 from cortet.formats.atomic import recorded
+from cortet.formats.certificates import sealed
 from cortet.formats.ownership import delete_made, files_of, is_ours, json_of, may_write
 from cortet.formats.tables import write_table
 from cortet.formats.volumes import TISSUE_COLUMNS, Volume
@@ -103,7 +104,7 @@ def deliver(
     -------
     What the format cannot hold, in words.
     """
-    config, origin, certificate = made.config, made.origin, asdict(made.certificate)
+    config, origin, certificate = made.config, made.origin, sealed(asdict(made.certificate))
     out = files(path, made.surface.inner, certified=made.certificate.certified, volumes=bool(made.tissue_rows))
     if not force:
         size, digest = config.generate.cell_size[0], made.certificate.mesh_sha256

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import html
+import logging
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -19,6 +20,7 @@ from cortet.errors import InputError, UsageError
 from cortet.formats.ownership import may_write
 from cortet.geometry.limits import FOLD_AGES, require_within
 from cortet.meshes import TetMesh, region_names
+from cortet.solver_files.meshed import why_uncertified
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
     from cortet.solver_files.surface_map import SurfaceMap
 
 __all__ = ["Folded", "fold", "growth"]
+
+logger = logging.getLogger(__name__)
 
 
 def growth(
@@ -169,12 +173,16 @@ def fold(
     if ga is not None:
         require_within(ga, FOLD_AGES, "the gestational age in weeks")
     mesh = tetrahedra(made)
+    why: Sequence[str] = ()
     if isinstance(made, Mesh):
         refuse_space_around(region_names(made.surface.inner))
         require_same_brain((ga, hemi), (made.ga, made.hemi))
-        ga, hemi = made.ga if ga is None else ga, hemi or made.hemi
+        ga, hemi, why = made.ga if ga is None else ga, hemi or made.hemi, made.certificate.reasons
     elif isinstance(made, str | Path):
         ga, hemi = brain_of(Path(made), ga, hemi)
+        why = why_uncertified(Path(made))
+    if why:
+        logger.warning("the mesh that is folded is not certified: %s", "; ".join(why))
     chosen = load({"fold": settings}).fold
     if ga is None:
         raise InputError("the gestational age of the mesh is not known", remedy="give ga (--ga), in weeks")

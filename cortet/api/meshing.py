@@ -152,7 +152,7 @@ class Mesh(Made):
         --------
         >>> profile = head.laminar_profile(field, [0.1, 0.3, 0.5, 0.7, 0.9])
         """
-        laminar = self._laminar(region, equivolumetric)
+        laminar = Laminar(self.surface_map(region), self.surface.inner, equivolumetric=equivolumetric)
         every = [laminar.weights(depth) for depth in depths_of(depths)]
         return brought(values, lambda given: np.stack([one.of(given) for one in every], axis=1))
 
@@ -168,12 +168,10 @@ class Mesh(Made):
         depths, equivolumetric : as in `laminar_profile`
         region : inside the surface whose vertices are moved along the columns
         """
-        found, laminar = self.surface_map(region), self._laminar(region, equivolumetric)
+        found = self.surface_map(region)
+        laminar = Laminar(found, self.surface.inner, equivolumetric=equivolumetric)
         native, every = replace(found.native, point_data={}), map(laminar.points, depths_of(depths))
         return [replace(native, points=np.where(np.isfinite(points), points, found.points)) for points in every]
-
-    def _laminar(self, region: str | None, equivolumetric: bool) -> Laminar:
-        return Laminar(self.surface_map(region), self.surface.inner, equivolumetric=equivolumetric)
 
     def from_surface(self, values: ArrayLike, *, region: str | None = None) -> NDArray[Any]:
         """Values of the given surface, (v,) or (v, k), at the nodes: (n,) or (n, k), NaN inside.
@@ -300,7 +298,7 @@ class Mesh(Made):
         from cortet.report.slices import slices
 
         known = {"surface": self.origin.kind, "scan_age": self.ga, "mesher": self.config.generate.meshers[0]}
-        known |= {"cell_size": self.config.generate.cell_size[0]} | ({"hemi": self.hemi} if self.hemi else {})
+        known |= {"cell_size_mm": self.config.generate.cell_size[0]} | ({"hemi": self.hemi} if self.hemi else {})
         given = next(iter(self.native.values()), self.surface)
         with tempfile.TemporaryDirectory() as folder:
             drawn = None

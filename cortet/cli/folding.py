@@ -83,6 +83,7 @@ def fold(
     from cortet.config import load
     from cortet.folding.fold_figures import FILM, NUMBERS, PICTURE, draw
     from cortet.folding.journal import FILES, SERIES, TABLE, status
+    from cortet.folding.sentences import cells_in_words
     from cortet.formats.gifti import read_surface, require_same_hemisphere
 
     for name in (*FILES, NUMBERS, PICTURE, FILM):  # before the work
@@ -101,6 +102,8 @@ def fold(
 
     folded = cortet.fold(file, ga, hemi, folder=output, progress=progress, **keys)
     print(f"\n{folded.verdict['reason']}")
+    if cells := cells_in_words(folded.verdict):
+        print(cells)
     print(f"{output / SERIES}: the frames, for ParaView; {output / TABLE}: every number by age")
     for files in folded.surfaces.values():
         print(f"{files['surface']}: written, with {counted(len(files) - 1, 'map')}")

@@ -91,11 +91,12 @@ def certify(
     cortet certify lh.vtu lh.pial.surf.gii --cell-size 0.6
     """
     from cortet.formats.atomic import write_json
+    from cortet.formats.certificates import sealed
 
     certificate = cortet.certify(file, surface, configured.cell_size, configured.settings(), inner=dict(inner))
     _say_meshed(Path(certificate.input["file"]), surface, file)
     if output:
-        write_json(asdict(certificate), output)
+        write_json(sealed(asdict(certificate)), output)
     for check in certificate.checks:
         print(f"{'pass' if check.passed else 'FAIL'}  {check.finding}")
     print_verdict(certificate)
@@ -115,15 +116,15 @@ def cite(file: MeshFile, folds: Sequence[Path] = (), /, *, _: Common = Common())
     cortet cite lh.vtu folded
     """
     from cortet.api.meshing import tetrahedra
-    from cortet.cohort.status import certificate_of
     from cortet.folding.sentences import fold_sentences, verdict_of_fold
+    from cortet.formats.certificates import certificate_of
     from cortet.formats.hashing import mesh_sha256
     from cortet.report.methods import bibliography, methods_of_mesh, with_citations
     from cortet.solver_files.meshed import certificate_file
     from cortet.solver_files.sidecar import read_sidecar
 
     certificate, origin = certificate_of(certificate_file(file)), read_sidecar(file).get("made_from") or {}
-    if "verdict" not in certificate or certificate["mesh_sha256"] != mesh_sha256(tetrahedra(file)):
+    if certificate.get("mesh_sha256") != mesh_sha256(tetrahedra(file)):
         what = "has no certificate next to it, or that of another mesh, of an earlier version, or one that was edited"
         raise InputError(what, file=file, remedy="name a mesh that `cortet mesh` wrote, or mesh the surface again")
     verdicts = {folder: verdict_of_fold(folder) for folder in folds}

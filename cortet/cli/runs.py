@@ -169,6 +169,8 @@ def run(
     cortet run bids derivatives/cortet --participant-label 01 02 --formats vtu,inp
     """
     from cortet.cohort import app
+    from cortet.cohort.bids import require_own_output
+    from cortet.cohort.lock import hold
     from cortet.cohort.states import read_states
     from cortet.config import read
     from cortet.folding.plan import Folds
@@ -195,7 +197,8 @@ def run(
         raise InputError("--profile slurm needs Snakemake's plugin", remedy="run pip install 'cortet[slurm]'")
     if profile and Path(profile).is_dir():
         profile = str(Path(profile).absolute())
-    with app.lock(bids_dir, output_dir), app.unchanged(work, dry_run=dry_run):
+    require_own_output(output_dir, bids_dir)
+    with hold(output_dir), app.unchanged(work, dry_run=dry_run):
         app.prepare(cases, bids_dir, output_dir, work, settings, selected=not selection.is_all)
         with chdir(work):  # names of files in its configuration are relative to it
             code, most, names = 0, cores or os.cpu_count() or 1, frozenset(case.name for case in cases)
@@ -212,7 +215,8 @@ def run(
             if "group" in asked and (alone or not (selection.is_all or dry_run)):
                 aggregate(written, output, dry_run=dry_run)
             states = read_states(plan)
-            unfinished = [name for name, state in app.states_of(states, names).items() if state == "unfinished"]
+            found = app.worst_states(states.rows(), names)
+            unfinished = [name for name, state in found.items() if state == "unfinished"]
             if alone and unfinished:
                 print(f"no mesh yet: {', '.join(unfinished)} (run the participant level to make them)")
             if not dry_run:

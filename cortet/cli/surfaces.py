@@ -103,8 +103,9 @@ def repair(
     from cortet.api.given import cortex
     from cortet.formats.gifti import write_surface
     from cortet.solver_files.fields import with_fields
+    from cortet.stages.repair import record_path
 
-    record = output.with_name(f"{output.stem}.repair.json")
+    record = record_path(output)
     may_write(record)
     given = with_fields(cortex(surface, finite=False), dict(field)) if field else surface
     made, done = cortet.repair(given, config or {})

@@ -15,17 +15,15 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import Any, Literal
 
 import yaml
 
-from cortet.cohort.bids import is_own_output, require_own_output
-from cortet.cohort.layout import EXPORTED
-from cortet.cohort.lock import hold
+from cortet.cohort.bids import is_own_output
+from cortet.cohort.layout import EXPORTED, LABELS_OUT
 from cortet.cohort.scan import scan
 from cortet.cohort.sheet import Case, read_sheet, write_sheet
 from cortet.cohort.states import States
-from cortet.cohort.status import status_rows
 from cortet.config import load, read
 from cortet.errors import InputError
 from cortet.formats import child
@@ -123,12 +121,6 @@ def write_workflow(folder: Path) -> list[Path]:
         with atomic_path(folder / file) as temporary:
             temporary.write_text(text, encoding="utf-8")
     return [folder / file for file in texts]
-
-
-def lock(dataset: Path, output: Path) -> IO[str]:
-    """Lock the output folder of a run until the file that is returned is closed; nothing is written there before."""
-    require_own_output(output, dataset)
-    return hold(output)
 
 
 def find(
@@ -273,29 +265,25 @@ def outcome(states: States, output: Path, *, page: bool, names: Collection[str] 
     page : whether the run made the page of the cohort
     names : of the cases that the run was asked for; None: all
     """
-    plan, rows = states.plan, status_rows(states.status())
-    worst = _worst_states(rows, plan.cases if names is None else names)
+    plan, rows = states.plan, states.rows()
+    worst = worst_states(rows, plan.cases if names is None else names)
     if not worst:
         return "the sheet includes no case"
     counts = Counter(worst.values())
     told = [f"{counts[state]} {word}" for state, word in _IN_WORDS.items() if counts[state]]
-    said_more = {row["case"] for row in rows if row.get("verdict") not in ("certified", None)}
+    said_more = {row["case"] for row in rows if row.get("verdict_in_words") not in ("certified", None)}
     if qualified := sum(state == "certified" and name in said_more for name, state in worst.items()):
         told[0] += f" ({qualified} with repaired surfaces or relaxed limits)"
     words = ", ".join(told)
-    files = " ".join(f"*Solver_{end}" for end, form in EXPORTED.items() if form in plan.config.export.formats)
     look = f"open {output}/cohort/index.html; " if page and Path(plan.layout.cohort_page).is_file() else ""
-    has_meshes = any(path.exists() for mesh in plan.meshes() for path in plan.exports(mesh))
-    meshes = f"meshes: {output}/sub-*/**/mesh/{files}" if has_meshes else "no mesh"
+    made = {path.name for mesh in plan.meshes() for path in plan.exports(mesh) if path.exists()}
+    ends = [f"{label}_{end}" for label in LABELS_OUT for end in EXPORTED]
+    files = " ".join(f"*{end}" for end in ends if any(name.endswith(end) for name in made))
+    meshes = f"meshes: {output}/sub-*/**/mesh/{files}" if files else "no mesh"
     return f"{len(worst)} {'case' if len(worst) == 1 else 'cases'}: {words}; {look}{meshes}"
 
 
-def states_of(states: States, names: Collection[str] | None = None) -> dict[str, str]:
-    """The state of each case, that of the worst of its meshes; parameters as of `outcome`."""
-    return _worst_states(status_rows(states.status()), states.plan.cases if names is None else names)
-
-
-def _worst_states(rows: Iterable[Mapping[str, Any]], names: Collection[str]) -> dict[str, str]:
+def worst_states(rows: Iterable[Mapping[str, Any]], names: Collection[str]) -> dict[str, str]:
     """The worst state of each named case, from rows of the table of states."""
     worst = list(_IN_WORDS)
     states: dict[str, str] = {}

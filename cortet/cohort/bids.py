@@ -41,8 +41,8 @@ IGNORED = (
     "benchmarks",
     "work",
 )
-#: keys of a sidecar besides the report of the stage: origin of the file, hash of its input, and two keys of BIDS
-ABOUT = ("origin", "input_sha256", "Sources", "SpatialReference")
+#: keys of a sidecar besides the report of the stage: origin of the file, what it was made from, and two keys of BIDS
+ABOUT = ("origin", "input_sha256", "made_from", "Sources", "SpatialReference")
 #: `desc` of surfaces that are not the result of a stage
 _SURFACES = {
     "phantom": "Synthetic cortex of the age of the case, or its sphere",
@@ -217,6 +217,8 @@ def descriptions(settings: Mapping[str, Config]) -> dict[str, str]:
             found[f"{mesher}{apart}{stage.label}"] = f"{_sentence(stage.does)} ({how})"
         if stage.name == "solver_ready":
             found[f"{mesher}{apart}Solver"] = f"The certified mesh, with its certificate and its page ({how})"
+            if own.export.uncertified:
+                found[f"{mesher}{apart}Uncertified"] = f"A mesh that is not certified, for solvers ({how})"
     return found
 
 

@@ -7,22 +7,35 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
-from cortet.cohort.inputs import Inputs
-from cortet.cohort.layout import EXPORTED, Wildcards, filled, inner_of
+from cortet.cohort.inputs import Inputs, Sources
+from cortet.cohort.layout import EXPORTED, Wildcards, filled, inner_of, region_wildcard
 from cortet.cohort.plan import Plan
 from cortet.cohort.resources import cost, expected_tets, expected_volume_ml, memory_to_ask_mb, minutes_to_ask
-from cortet.cohort.sources import Sources
 from cortet.cohort.user_files import content
 from cortet.config import Config
 from cortet.stages import STAGES, certify_record
-from cortet.stages.stage import LOCATIONS, About, Stage, Values
-from cortet.version import version_of
+from cortet.stages.stage import About, Stage, Values
+
+
+@dataclass(frozen=True)
+class Report:
+    """A report on the way to a mesh."""
+
+    stage: str
+    #: that writes it: the first also repairs, the last also certifies
+    rule: str
+    #: the inner surface that it is about; empty for the surface of the case, and for all of them
+    inner: str
+    path: Path
+    #: wildcards of its job
+    job: Wildcards
 
 
 @dataclass(frozen=True)
@@ -57,7 +70,7 @@ class Jobs:
         )
 
     def steps(self, stages: Sequence[str], job: Wildcards) -> dict[str, Values]:
-        """What each of some stages of a job depends on; if it changes, the job runs again.
+        """What each of some stages of a job is given; `made_from` says whether it runs again.
 
         Stages of the surface that the line leaves out are left out. Other settings may have a stage of the mesh that
         the line has not, and that all settings share.
@@ -66,16 +79,11 @@ class Jobs:
         return {
             stage.name: {
                 "settings": stage.settings_of(self._config_of(stage, job), about),
-                "about": stage.about_of(about).model_dump(exclude=LOCATIONS, exclude_defaults=True),
-                "version": version_of(f"stages.{stage.name}"),
+                "about": stage.about_of(about).model_dump(exclude_defaults=True),
             }
             for stage in map(STAGES.get, stages)
             if stage and (stage in line or stage.gives == "mesh")
         }
-
-    def locations(self, job: Wildcards) -> Values:
-        """Names of the user's surfaces of a job, for messages and reports."""
-        return self.about(job).model_dump(include=LOCATIONS, exclude_defaults=True)
 
     def phantom_arguments(self, job: Wildcards) -> dict[str, Any]:
         """Keyword arguments of `phantoms.phantom`."""
@@ -83,37 +91,60 @@ class Jobs:
         of_case = {"gestational_age": case.scan_age, "hemisphere": case.hemi}
         return {"subdivisions": section.subdivisions, "seed": section.seed, **of_case}
 
-    def stages_before(self, stage: str, job: Wildcards) -> list[str]:
-        """The stages of the line of a job that come before a stage: a job runs again if one is left out or added."""
-        names = [one.name for one in self.inputs.line(job)]
-        return names[: names.index(stage)] if stage in names else names
-
     def recorded_line(self, job: Wildcards) -> dict[str, Values]:
-        """What the stages of a setting and the certificate depend on: if it changes, a certificate is made again."""
+        """What the stages of a setting and the certificate depend on, as certificates record it."""
         about = self.about(job)
         done = {stage.name: stage.record(self._config_of(stage, job), about) for stage in self.inputs.line(job)}
-        return {**done, "certify": certify_record(self.inputs.setting(job), int(job["res"]) / 1000)}
+        return {**done, "certify": self._certify_record(job)}
 
-    def made_from(self, rule: str, job: Wildcards) -> str:
-        """SHA-256 of what a job on a case depends on, or more: a failure of a job with another one does not count.
+    def _certify_record(self, job: Wildcards) -> Values:
+        return certify_record(self.inputs.setting(job), int(job["res"]) / 1000)
+
+    def made_from(self, rule: str, job: Wildcards, unread: Mapping[str, str] = MappingProxyType({})) -> str:
+        """SHA-256 of what a job on a case depends on, or more: what was made from anything else is not planned.
 
         A job of a stage depends on that stage and those before it, any other job on all of them, and on what follows
         them. Names of files decide nothing. Empty for an inner surface that the case no longer has.
+
+        Parameters
+        ----------
+        unread : SHA-256, by the names of `Sources.paths`, that files count with which cannot be read
         """
         case, inner = self.sources.case(job), inner_of(job)
         if inner and inner not in case.inner:
             return ""
         line, about, more = self.inputs.line(job), self.about(job), list[object]()
-        names = [stage.name for stage in line]
-        if rule in names:
-            line, read = line[: names.index(rule) + 1], self.sources.paths(job)
+        if stage := STAGES.get(rule):
+            earlier, read = [*STAGES][: [*STAGES].index(rule)], self.sources.paths(job)
+            line = [*(one for one in line if one.name in earlier), stage]
         else:
             read = self.sources.all_paths(job) | self.sources.volume_paths(job)
             more = [self.plan.config.export.values(), self.plan.config.fold.model_dump(mode="json")]
             more += [case.extra, sorted(case.fields), sorted(case.volumes)]
         done = [stage.record(self._config_of(stage, job), about) for stage in line]
-        told = json.dumps([rule, done, content(read), *more], default=str)
+        if rule == "solver_ready":
+            done.append(self._certify_record(job))
+        digests = {name: now or unread.get(name) for name, now in content(read).items()}
+        told = json.dumps([rule, done, digests, *more], default=str)
         return hashlib.sha256(told.encode()).hexdigest()
+
+    def reports(self, job: Wildcards) -> list[Report]:
+        """The reports from which the last stage makes the certificate of a mesh, and its own."""
+        inner, found = list(self.sources.case(job).inner), []
+        for stage in self.inputs.line(job):
+            # each report of `separate` is about all inner surfaces
+            for name in ["", *inner] if stage.each_surface else inner[:1] if stage.nested else [""]:
+                own = {"folder": job["folder"], "case": job["case"], "region": region_wildcard(name) if name else ""}
+                own |= {key: job[key] for key in stage.wildcards}
+                path = Path(filled(self.inputs.report(stage), own))
+                rule = "gate" if stage.name == "repair" else stage.name
+                found.append(Report(stage.name, rule, name if stage.each_surface else "", path, own))
+        return found
+
+    def of_reports(self, job: Wildcards) -> list[tuple[str, str, str, str]]:
+        """Stage, rule, inner surface, and `made_from` of each report before the last stage's own."""
+        before = self.reports(job)[:-1]
+        return [(one.stage, one.rule, one.inner, self.made_from(one.rule, one.job)) for one in before]
 
     def _config_of(self, stage: Stage, job: Wildcards) -> Config:
         """The configuration of a stage; those that all settings share use that of the line."""
@@ -128,26 +159,16 @@ class Jobs:
 
     def page_facts(self, job: Wildcards) -> dict[str, Any]:
         """The facts at the top of the page of a mesh."""
-        case = self.sources.case(job)
-        return {
-            "surface": self.sources.kind_of_surface(job),
-            "scan_age": case.scan_age,
-            "hemi": case.hemi,
-            "cell_size": int(job["res"]) / 1000,
-            "mesher": job["mesher"],
-        }
+        known = self.plan.described((job["case"], int(job["res"]), job["mesher"]))
+        return {"surface": self.sources.kind_of_surface(job), **known}
 
     def exported(self, job: Wildcards) -> dict[str, Any]:
-        """Names and formats of a mesh's files for solvers, and whether a mesh that is not certified has them."""
-        files = [
-            (Path(filled(self.plan.layout.mesh("Solver", suffix), job)).name, name)
-            for suffix, name in EXPORTED.items()
-            if name in self.plan.config.export.formats
-        ]
-        for name in self.plan.config.export.ten_nodes:
-            pattern, _ = self.plan.layout.ten_node_files([name])
-            files.append((Path(filled(pattern, job)).name, f"{name}, ten nodes"))
-        return {"names": files, "uncertified": self.plan.config.export.uncertified}
+        """Names, by their label, and formats of a mesh's files for solvers, and whether any mesh has them."""
+        layout, export = self.plan.layout, self.plan.config.export
+        files = {layout.mesh("{label}", end): name for end, name in EXPORTED.items() if name in export.formats}
+        files |= {layout.ten_node_files([name])[0]: f"{name}, ten nodes" for name in export.ten_nodes}
+        names = [(Path(filled(pattern, job, label="{label}")).name, form) for pattern, form in files.items()]
+        return {"names": names, "uncertified": export.uncertified}
 
     def tets(self, job: Wildcards) -> float:
         """Expected tetrahedra: from the volume that the gate measured, else from the age; 0 for a job on a surface."""

@@ -1,8 +1,8 @@
 """Names of the files of an output folder, BIDS-derivative style.
 
 A pattern is a name with Snakemake's wildcards: `folder` and `case` of the sheet, `res` (cell size in µm), `mesher`,
-`setting` (empty for the line's own), `region` (`_inner-NAME` for an inner surface, else empty), `variant` (of a fold),
-`week` (of a folded cortex), `suffix`.
+`setting` (empty for the line's own), `region` (`_inner-NAME` for an inner surface, else empty), `label` (of files for
+solvers), `variant` (of a fold), `week` (of a folded cortex), `suffix`.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from cortet.stages import MESH_STAGES
 Wildcards = Mapping[str, str]
 #: stage -> label of its result in the names of meshes
 LABELS = {name: stage.label for name, stage in MESH_STAGES.items()}
+#: labels of files for solvers: of a certified mesh, and of one that is not
+LABELS_OUT = OF_SOLVERS, OF_UNCERTIFIED = "Solver", "Uncertified"
 #: labels of stages whose mesh is the same in every setting
 SHARED = {stage.label for stage in MESH_STAGES.values() if stage.shared_by_settings}
 
@@ -44,6 +46,7 @@ WILDCARDS = {
     "res": r"[1-9][0-9]*",
     "region": f"({_INNER}{NAME})?",
     "mesher": r"[a-z0-9]+",
+    "label": "|".join(LABELS_OUT),
 }
 
 
@@ -99,15 +102,15 @@ class Layout:
         """Pattern of a file of an inner surface as S1 meshes it: it depends on the cell size."""
         return self.bids(suffix, "anat", whose="{case}_res-{res}um{region}", desc="separated")
 
-    def solver_files(self, formats: Iterable[str], ten_nodes: Iterable[str] = ()) -> list[str]:
-        """Patterns of the files for solvers, with elements of four nodes and of ten."""
-        files = [self.mesh("Solver", suffix) for suffix, name in EXPORTED.items() if name in formats]
-        return [*files, *self.ten_node_files(ten_nodes)]
+    def solver_files(self, formats: Iterable[str], ten_nodes: Iterable[str] = (), label: str = "{label}") -> list[str]:
+        """Patterns of the files for solvers, with elements of four nodes and of ten; `label` is one of `LABELS_OUT`."""
+        files = [self.mesh(label, suffix) for suffix, name in EXPORTED.items() if name in formats]
+        return [*files, *self.ten_node_files(ten_nodes, label)]
 
-    def ten_node_files(self, formats: Iterable[str]) -> list[str]:
+    def ten_node_files(self, formats: Iterable[str], label: str = "{label}") -> list[str]:
         """Patterns of the files for solvers with elements of ten nodes, and of the file of their numbers, if any."""
-        files = [self.mesh("Solver", f"tennodes{FORMATS[name].suffix}") for name in formats]
-        return [*files, self.mesh("Solver", "tennodes.quadratic.json")] if files else []
+        files = [self.mesh(label, f"tennodes{FORMATS[name].suffix}") for name in formats]
+        return [*files, self.mesh(label, "tennodes.quadratic.json")] if files else []
 
     def log(self, rule: str, wildcards: Iterable[str], *, kind: str = "log") -> str:
         """Pattern of the log of a job, or with kind `tsv` its benchmark (seconds and memory).
@@ -124,10 +127,11 @@ class Layout:
             "res": "res-{res}um",
             "mesher": f"desc-{{mesher}}{''.join(f'{{{key}}}' for key in ('setting', 'variant') if key in found)}",
             **{key: f"{key}-{{{key}}}" for key in ("reference", "week")},
+            "label": "{label}",
             "suffix": "{suffix}",
         }
         parts = [name, *(text for key, text in known.items() if key in found)]
-        folder = "logs" if kind == "log" else "benchmarks"
+        folder = "benchmarks" if kind == "tsv" else "logs"
         tail = "_".join(part for part in parts if part)
         return f"{self.output}/{folder}/{rule}{f'/{tail}' if tail else ''}.{kind}"
 

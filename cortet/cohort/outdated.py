@@ -53,8 +53,10 @@ def set_aside(states: States, *, dropped: bool = False) -> list[str]:
             entries = [] if states.is_measured(mesh) else _made_with(certificate)
             entries = _with_companions(plan.exports(mesh)) if failure["stage"] == "volumes" else entries
             move(case, f"{failure['stage']} failed", entries)
-        others = [path for path in plan.other_exports(mesh) if _is_of_another_mesh(path, certificate)]
-        move(case, "it now has another mesh", _with_companions(others))
+        others, label = plan.other_exports(mesh), plan.label_of_exports(mesh)
+        of_another = [path for path in others if _is_of_another_mesh(path, certificate)]
+        move(case, "it now has another mesh", _with_companions(of_another))
+        move(case, "it now has another verdict", _with_companions(path for path in others if label not in path.name))
         move(case, "the last stage names its mesh Ordered_tetmesh.vtu now", _named_as_results(certificate))
     excluded = {case.name for case in plan.sheet if not case.include}
     for name, folder in _without_row(plan):

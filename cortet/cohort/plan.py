@@ -8,12 +8,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from cortet.cohort.layout import LABELS, SHARED, Layout
+from cortet.cohort.layout import LABELS, LABELS_OUT, OF_SOLVERS, OF_UNCERTIFIED, SHARED, Layout
 from cortet.cohort.selection import ageless_notice
 from cortet.cohort.sheet import Case
 from cortet.config import Config
 from cortet.formats import FORMATS
-from cortet.formats.ownership import changed_of, files_of
+from cortet.formats.certificates import certificate_of
 from cortet.stages import stages_of
 
 #: a mesh of the line: name of its case, cell size in µm, mesher
@@ -94,33 +94,41 @@ class Plan:
 
     def exports(self, mesh: Mesh) -> list[Path]:
         """Files of a mesh for solvers that are asked for."""
-        patterns = self.layout.solver_files(self.config.export.formats, self.config.export.ten_nodes)
+        export, label = self.config.export, self.label_of_exports(mesh)
+        patterns = self.layout.solver_files(export.formats, export.ten_nodes, label)
         return [Path(self.file(pattern, mesh)) for pattern in patterns]
 
     def other_exports(self, mesh: Mesh) -> list[Path]:
-        """Files of a mesh for solvers that an earlier run may have been asked for."""
-        patterns = self.layout.solver_files({*FORMATS} - {*self.config.export.formats})
-        return [Path(self.file(pattern, mesh)) for pattern in patterns]
+        """Files of a mesh for solvers that are not asked for, but may have been by an earlier run."""
+        every = [one for label in LABELS_OUT for one in self.layout.solver_files(FORMATS, label=label)]
+        return [path for one in every if (path := Path(self.file(one, mesh))) not in self.exports(mesh)]
+
+    def label_of_exports(self, mesh: Mesh) -> str:
+        """What the names of files for solvers say of their mesh; a run waits for the verdict if it exports any mesh."""
+        if not self.config.export.uncertified:
+            return OF_SOLVERS
+        if self.waited_for:
+            self.waited_for("verdict", **self.job(mesh))
+        certificate = certificate_of(self.file(self.layout.certificate, mesh))
+        return OF_SOLVERS if certificate.get("certified", True) else OF_UNCERTIFIED
 
     def final_files(self, mesh: Mesh) -> dict[str, str]:
-        """The last mesh, the files for solvers and their sidecars -> the rule of each; a deleted one is made again."""
-        last = self.file(self.layout.mesh(LABELS["solver_ready"]), mesh)
-        sidecars = [f"{self.file(one, mesh)}.json" for one in self.layout.solver_files(self.config.export.formats)]
-        return {last: "solver_ready", **dict.fromkeys([*map(str, self.exports(mesh)), *sidecars], "export")}
+        """The last mesh, its report, files for solvers and sidecars -> the rule of each, which makes a deleted one."""
+        label = LABELS["solver_ready"]
+        last = [self.file(one, mesh) for one in (self.layout.mesh(label), self.layout.mesh(label, "tetmesh.json"))]
+        exports = [*map(str, self.exports(mesh))]
+        exports += [f"{path}.json" for path in exports if "_tennodes." not in path]
+        return dict.fromkeys(last, "solver_ready") | dict.fromkeys(exports, "export")
 
     def solver_files(self) -> list[str]:
         """Last meshes, files for solvers with their sidecars, and certificates of all meshes."""
         final = [path for mesh in self.meshes() for path in self.final_files(mesh)]
         return [*final, *self.each_case(self.layout.certificate).values()]
 
-    def measured_stages(self) -> list[str]:
-        """Labels of the stages that the table of stages shows."""
-        return [LABELS[stage] for stage in _TABLED if self.config.enabled(stage)]
-
-    def quality_records(self) -> list[str]:
-        """Quality records of all meshes."""
-        patterns = [self.layout.mesh(label, "quality.json") for label in self.measured_stages()]
-        return [path for pattern in patterns for path in self.each_case(pattern).values()]
+    def quality_records(self, meshes: Sequence[Mesh]) -> list[str]:
+        """Quality records of some meshes, stage by stage, as the table of stages shows them."""
+        labels = [LABELS[stage] for stage in _TABLED if self.config.enabled(stage)]
+        return [self.file(self.layout.mesh(label, "quality.json"), mesh) for mesh in meshes for label in labels]
 
     @property
     def has_volumes(self) -> bool:
@@ -145,17 +153,6 @@ class Plan:
         smoothed = stages_of(self.config) != stages_of(self.config, aged=False)
         return ageless_notice([*self.cases.values()], smoothed=smoothed, folded=isinstance(asked, (str, int)))
 
-    def edited_exports(self, mesh: Mesh) -> list[str]:
-        """What was changed or deleted of the files for solvers of a mesh since cortet wrote them, in sentences."""
-        told = []
-        for file in (path for path in self.exports(mesh) if path.is_file()):
-            record = Path(f"{file}.json")
-            gone = [name for name in files_of(record) if not (record.parent / name).is_file()]
-            told += [f"{record.parent / name} is missing: delete {file} and cortet remakes both" for name in gone]
-            changed = [] if gone else changed_of(record)
-            told += [f"{path} was changed after cortet wrote it: delete it and cortet remakes it" for path in changed]
-        return told
-
     def origin_of_mesh(self, label: str, case: str, res: int, mesher: str, setting: str = "") -> dict[str, Any]:
         """Origin of a record of a mesh."""
         name = None if label in SHARED else self.settings[setting].setting
@@ -174,7 +171,7 @@ class Plan:
         """All files of single cases that a whole run makes, without those of folds."""
         return [
             *self.solver_files(),
-            *self.quality_records(),
+            *self.quality_records(self.meshes()),
             *self.each_case(self.layout.case_page).values(),
             *(path for hemi in "LR" for path in self.maps(hemi).values()),
         ]

@@ -87,8 +87,11 @@ def _with_surfaces(directory: Path, patterns: Scan, say: Callable[[str], object]
     around = directory if directory.absolute().name == _DERIVATIVES else directory / _DERIVATIVES
     if not around.is_dir() or _has_surfaces(directory, patterns):
         return directory
-    folders = sorted(folder for folder in around.iterdir() if folder.is_dir() and not is_own_output(folder))
-    pipelines = [folder for folder in folders if _has_surfaces(folder, patterns)]
+    folders = [folder for folder in around.iterdir() if folder.is_dir() and not is_own_output(folder)]
+    own: dict[str, Path] = {}  # a link such as `latest` to a pipeline is none of its own
+    for folder in sorted(folders, key=lambda folder: (folder.is_symlink(), folder)):
+        own.setdefault(os.path.realpath(folder), folder)
+    pipelines = [folder for folder in own.values() if _has_surfaces(folder, patterns)]
     if len(pipelines) > 1:
         what = f"{len(pipelines)} pipelines have surfaces: {', '.join(folder.name for folder in pipelines)}"
         raise InputError(what, file=around, remedy=f"choose one, and give its folder, such as {pipelines[0]}")

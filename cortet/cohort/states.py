@@ -1,13 +1,12 @@
 """What became of a run: which of its meshes are there as planned, which failed, and why files are missing.
 
-A mesh is finished if its certificate records what its plan says of each stage, and the present files of the user. A job
-that fails or is killed leaves `failure.json` beside its log, with the same record in short; the failure of a job that
-the plan has otherwise, or no more, does not count.
+Reports, certificates and `failure.json`, which a job that fails or is killed leaves beside its log, say what they were
+made from (`Jobs.made_from`). A mesh is finished if its certificate was made from what its plan says; a failure of a job
+that was made from something else does not count.
 """
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,9 +17,10 @@ from cortet.cohort.jobs import Jobs
 from cortet.cohort.layout import Wildcards, beside
 from cortet.cohort.plan import Mesh, Plan
 from cortet.cohort.sheet import Case
-from cortet.cohort.status import STOPPED, certificate_of, failure_reason
+from cortet.cohort.status import STOPPED, failure_reason, in_words
 from cortet.cohort.user_files import content
-from cortet.formats.ownership import json_of
+from cortet.formats.certificates import certificate_of
+from cortet.formats.ownership import changed_of, files_of, json_of
 from cortet.stages import STAGES
 
 #: rules after the certificate: the mesh is measured even if they fail
@@ -87,11 +87,6 @@ class States:
         """Certificates of all meshes that have one."""
         return [self.plan.file(self.plan.layout.certificate, mesh) for mesh in self.measured()]
 
-    def stage_records(self) -> list[str]:
-        """Quality records, stage by stage, of the meshes that have a certificate."""
-        patterns = [self.plan.layout.mesh(label, "quality.json") for label in self.plan.measured_stages()]
-        return [self.plan.file(pattern, mesh) for mesh in self.measured() for pattern in patterns]
-
     def exported_files(self) -> list[str]:
         """Last meshes, and files for solvers with their sidecars, of the meshes that did not fail."""
         meshes = [mesh for mesh in self.plan.meshes() if mesh not in self.failures]
@@ -114,19 +109,31 @@ class States:
         pages = plan.each_case(plan.layout.case_page)
         return [plan.described(mesh) | {"page": beside(page, plan.layout.cohort_page)} for mesh, page in pages.items()]
 
-    def status(self) -> list[dict[str, Any]]:
-        """The columns of the status table that are known of each mesh and each excluded row.
+    def rows(self) -> list[dict[str, Any]]:
+        """Rows of the table of states, one per mesh and per excluded row of the sheet, without columns that are empty.
 
-        In addition, the path of the `certificate` of a measured mesh, and `earlier`, the folder of outdated results.
+        A mesh that is not certified is `uncertified`, even if a later step failed, too.
         """
-        rows = []
-        for mesh, certificate in self.plan.each_case(self.plan.layout.certificate).items():
-            name, res, mesher = mesh
-            row = {"case": name, "cell_size_mm": res / 1000, "mesher": mesher, **self.failures.get(mesh, {})}
-            row |= {"certificate": certificate} if self.is_measured(mesh) else {}
-            rows.append(row)
-        excluded = [case for case in self.plan.sheet if not case.include]
-        return rows + [{"case": case.name, "state": "excluded", "reason": case.exclude_reason} for case in excluded]
+        whys = {case.name: case.exclude_reason or "no reason given" for case in self.plan.sheet if not case.include}
+        excluded = [{"case": name, "state": "excluded", "reason": why} for name, why in whys.items()]
+        return [*map(self._row, self.plan.meshes()), *excluded]
+
+    def _row(self, mesh: Mesh) -> dict[str, Any]:
+        name, res, mesher = mesh
+        row: dict[str, Any] = {"case": name, "cell_size_mm": res / 1000, "mesher": mesher}
+        failure = self.failures.get(mesh, {})
+        row |= {column: failure[column] for column in ("stage", "state", "log") if column in failure}
+        if failure:
+            row["reason"] = in_words(failure)
+        if not self.is_measured(mesh):
+            return row
+        content = certificate_of(self.plan.file(self.plan.layout.certificate, mesh))
+        row["verdict_in_words"] = content["verdict"]
+        if not content["certified"]:
+            row |= {"stage": "certify", "state": "uncertified", "reason": "; ".join(content["reasons"])}
+        elif not failure:
+            row |= {"stage": "certify", "state": "certified", "reason": "; ".join(content["remarks"])}
+        return row
 
     def why_missing(self, path: str, rule: str, job: Mapping[str, object]) -> str | None:
         """Why a file cannot be used: it was not made, or an earlier stage of its mesh has failed since; None if it can.
@@ -168,61 +175,66 @@ def read_states(plan: Plan, *, ended: bool = True) -> States:
 def _state(jobs: Jobs, mesh: Mesh, certificate: Path, failed: Sequence[Failure]) -> dict[str, Any] | None:
     """How a mesh failed, or that it is unfinished: `stage`, `state`, `reason`, `remedy` and `log` if it failed."""
     plan = jobs.plan
-    job, stage = plan.job(mesh), first_other_stage(jobs, mesh)
+    job, rule = plan.job(mesh), first_other_rule(jobs, mesh)
     for one in failed:
-        if stage and one.rule in AFTER_CERTIFICATE:
+        if rule and one.rule in AFTER_CERTIFICATE:
             continue  # it is the mesh or its certificate that has to be made again
         if one.is_about(**job):
             words = {"reason": one.reason, "remedy": one.remedy}
             return {"stage": one.rule, "state": "failed", **words, "log": _inside(plan, one.log)}
     reason = _ENDED
-    if stage:
-        again = f"`snakemake --forcerun {_rule_of(stage)}` remakes it"
-        if certificate.exists():
-            reason = f"{_OTHER if certificate_of(certificate) else _DAMAGED}; {again}"
-        elif certificates_of(plan, plan.cases[mesh[0]]):
-            reason = _OTHER_SIZE
-    elif missing := [rule for path, rule in plan.final_files(mesh).items() if not Path(path).exists()]:
-        stage = missing[0]
-    elif edited := plan.edited_exports(mesh):
-        stage, reason = "export", edited[0]
+    if rule and certificate.exists():
+        why = _OTHER if certificate_of(certificate) else _DAMAGED
+        reason = f"{why}; `snakemake --forcerun {rule}` remakes it"
+    elif rule and certificates_of(plan, plan.cases[mesh[0]]):
+        reason = _OTHER_SIZE
+    elif rule:
+        pass
+    elif missing := [maker for path, maker in plan.final_files(mesh).items() if not Path(path).exists()]:
+        rule = missing[0]
+    elif edited := edited_exports(plan, mesh):
+        rule, reason = "export", edited[0]
     elif other := _other_field(jobs, mesh):
-        stage, reason = "fields", f"the file of the field {other} has changed; the next run carries it to the mesh"
+        rule, reason = "fields", f"the file of the field {other} has changed; `snakemake --forcerun fields` carries it"
     else:
         return None
-    return {"stage": stage, "state": "unfinished", "reason": reason}
+    return {"stage": rule, "state": "unfinished", "reason": reason}
 
 
-def first_other_stage(jobs: Jobs, mesh: Mesh) -> str | None:
-    """The first stage, or `certify`, that made a mesh otherwise than planned; None if its certificate is current."""
-    job = jobs.plan.job(mesh)
-    certificate = Path(jobs.plan.file(jobs.plan.layout.certificate, mesh))
-    wanted = json.loads(json.dumps(jobs.recorded_line(job), default=str))
-    made = certificate_of(certificate).get("parameters")
-    if made is None:
-        reports = jobs.inputs.reports(job)
-        return next((stage for stage in wanted if stage in reports and not Path(reports[stage]).exists()), "certify")
-    if has_other_input(jobs, job, certificate) is not False:
-        return next(iter(wanted))
-    order = [*STAGES, "certify"]
-    # a stage that the line no longer has counts, too: those after it have to run again
-    other = next((number for number, stage in enumerate(order) if wanted.get(stage) != made.get(stage)), len(order))
-    return next((stage for stage in order[other:] if stage in wanted), None)
+def first_other_rule(jobs: Jobs, mesh: Mesh) -> str | None:
+    """The first rule that made a mesh from something else than planned; None if its certificate holds.
 
-
-def has_other_input(jobs: Jobs, job: Wildcards, certificate: Path) -> bool | None:
-    """Whether a mesh was made from other files of the user than the present ones, as far as those can be read.
-
-    None if no record says what it was made from.
+    A file of the user that cannot be read counts as the one that the mesh was made from.
     """
+
+    def is_planned(rule: str, job: Wildcards, record: Mapping[str, Any]) -> bool:
+        return record.get("made_from") == jobs.made_from(rule, job, record.get("input_sha256", {}))
+
+    job = jobs.plan.job(mesh)
+    if is_planned("solver_ready", job, certificate_of(jobs.plan.file(jobs.plan.layout.certificate, mesh))):
+        return None
+    others = (one.rule for one in jobs.reports(job) if not is_planned(one.rule, one.job, json_of(one.path)))
+    return next(others, "solver_ready")
+
+
+def has_other_input(jobs: Jobs, job: Wildcards, certificate: Path) -> bool:
+    """Whether a mesh is known to be made from other files of the user than those that are there."""
     report = certificate.name.replace(CERTIFICATE, f"{STAGES['solver_ready'].label}_tetmesh.json")
     record = json_of(certificate.with_name(report))
-    made_from, present = record.get("input_sha256"), jobs.sources.input_sha256(job)
-    if not isinstance(made_from, dict):
-        return None
-    return made_from.keys() != present.keys() or any(
-        now is not None and made_from[name] != now for name, now in present.items()
-    )
+    made_from, present = record.get("input_sha256", {}), jobs.sources.input_sha256(job)
+    return bool(made_from) and any(now and made_from.get(name) != now for name, now in present.items())
+
+
+def edited_exports(plan: Plan, mesh: Mesh) -> list[str]:
+    """What was changed or deleted of the files for solvers of a mesh since cortet wrote them, in sentences."""
+    told = []
+    for file in (path for path in plan.exports(mesh) if path.is_file()):
+        record = Path(f"{file}.json")
+        gone = [name for name in files_of(record) if not (record.parent / name).is_file()]
+        told += [f"{record.parent / name} is missing: delete {file} and cortet remakes both" for name in gone]
+        changed = [] if gone else changed_of(record)
+        told += [f"{path} was changed after cortet wrote it: delete it and cortet remakes it" for path in changed]
+    return told
 
 
 def _other_field(jobs: Jobs, mesh: Mesh) -> str | None:
@@ -245,7 +257,7 @@ def made_otherwise(plan: Plan) -> dict[str, int]:
     """Rule from which on meshes were made otherwise than planned -> their number."""
     jobs = Jobs(plan)
     there = [mesh for mesh, certificate in plan.certificates().items() if certificate.exists()]
-    return dict(Counter(_rule_of(stage) for mesh in there if (stage := first_other_stage(jobs, mesh))))
+    return dict(Counter(rule for mesh in there if (rule := first_other_rule(jobs, mesh))))
 
 
 def _failures(output: Path, *, ended: bool) -> list[Failure]:
@@ -269,11 +281,6 @@ def _is_planned(jobs: Jobs, failure: Failure) -> bool:
     case, setting = failure.wildcards.get("case"), failure.wildcards.get("setting", "")
     known = case in jobs.plan.cases and setting in jobs.plan.settings
     return known and jobs.made_from(failure.rule, failure.wildcards) == failure.made_from
-
-
-def _rule_of(stage: str) -> str:
-    """The rule of a stage: the first repairs, too, and the last certifies."""
-    return {"repair": "gate", "certify": "solver_ready"}.get(stage, stage)
 
 
 def _earlier_results(plan: Plan, case: Case) -> Path | None:

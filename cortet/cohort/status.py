@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from cortet.errors import CortetError
+from cortet.errors import CortetError, InputError
 from cortet.formats.atomic import write_json
-from cortet.formats.ownership import json_of
 from cortet.formats.tables import Column
 
-#: parts of every certificate
-_PARTS = {
-    **dict.fromkeys(("reasons", "remarks", "regions"), list),
-    **dict.fromkeys(("quality", "parameters", "reports"), dict),
-}
 #: reason of a job that Ctrl-C stopped, which has not failed; the logger plugin knows it, too
 STOPPED = "stopped by you"
 #: columns of `cohort_status.tsv`
@@ -24,7 +19,7 @@ COLUMNS = (
     Column("case", "Name of the case; files begin with it", heading="Case"),
     Column("cell_size_mm", "Cell size h", "mm", heading="h (mm)", form="g"),
     Column("mesher", "Mesher of stage S1", heading="Mesher"),
-    Column("stage", "Last stage reached: the one that failed, or `certify`"),
+    Column("stage", "The job that failed or has to run again; `certify` for a mesh with its certificate"),
     Column(
         "state",
         "State of the case",
@@ -37,7 +32,7 @@ COLUMNS = (
         },
         heading="State",
     ),
-    Column("verdict", "The verdict in words: how much of the surface repair made, and which limits were relaxed"),
+    Column("verdict_in_words", "The verdict: how much of the surface repair made, and which limits were relaxed"),
     Column("reason", "Why the case is not certified; for a certified case, remarks"),
     Column("log", "Log of the job that failed, in the output folder"),
 )
@@ -49,7 +44,7 @@ def failure_path(log: Path) -> Path:
 
 
 def write_failure(
-    log: Path, rule: str, wildcards: Mapping[str, str], made_from: str | None, error: BaseException | None = None
+    log: Path, rule: str, wildcards: Mapping[str, str], made_from: str | None, error: CortetError | None = None
 ) -> None:
     """Write `failure.json` of a job: of one that begins, which stays if it is killed, or why one failed.
 
@@ -60,10 +55,17 @@ def write_failure(
     """
     record: dict[str, Any] = {"stage": rule, "wildcards": dict(wildcards), "made_from": made_from}
     if error is not None:
-        told = error if isinstance(error, CortetError) else CortetError(f"{type(error).__name__}: {error}")
-        record["reason"] = told.what if told.file is None else f"{told.file}: {told.what}"
-        record["remedy"] = told.remedy
-    write_json(record, failure_path(log))
+        record["reason"] = error.what if error.file is None else f"{error.file}: {error.what}"
+        record["remedy"] = error.remedy
+    path = failure_path(log)
+    try:
+        write_json(record, path)
+    except (OSError, InputError):  # the disk is full; but the file of the job that began has its block
+        if not path.exists():
+            raise
+        with path.open("r+", encoding="utf-8") as file:
+            json.dump(record, file)
+            file.truncate()
 
 
 def failure_reason(log: Path) -> str:
@@ -77,52 +79,8 @@ def failure_reason(log: Path) -> str:
     return "ended without a message: killed, or ran out of memory or time"
 
 
-def certificate_of(path: str | Path) -> dict[str, Any]:
-    """Content of a certificate; empty if it is missing, damaged, edited, or of a version without `schema`.
-
-    A verdict that does not follow from the checks beside it was edited, and so was a part of another form.
-    """
-    content = json_of(Path(path))
-    checks = content.get("checks")
-    if "schema" not in content or not isinstance(checks, list) or not all(isinstance(one, dict) for one in checks):
-        return {}
-    follows = content.get("certified") is all(check.get("passed") for check in checks)
-    whole = all(isinstance(content.get(key), kind) for key, kind in _PARTS.items())
-    return content if follows and whole and {"worst_q"} <= {check.get("id") for check in checks} else {}
-
-
-def verdict_of(content: Mapping[str, Any]) -> str:
-    """The verdict of a certificate in words; certificates of earlier versions hold only whether there is one."""
-    return str(content.get("verdict") or ("certified" if content["certified"] else "NOT certified"))
-
-
 def in_words(failure: Mapping[str, Any]) -> str:
-    """The reason of a failure, and what to do about it if that is known."""
-    remedy = failure.get("remedy")
-    return f"{failure['reason']} ({remedy})" if remedy else str(failure["reason"])
-
-
-def status_rows(meshes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Rows of the table, one per mesh; a row lacks the columns that do not apply to it.
-
-    Parameters
-    ----------
-    meshes : `States.status`. A mesh that is not certified is `uncertified`, even if a later step failed, too
-    """
-    return [_row(mesh) for mesh in meshes]
-
-
-def _row(mesh: Mapping[str, Any]) -> dict[str, Any]:
-    row = {column: value for column, value in mesh.items() if column not in ("certificate", "earlier", "remedy")}
-    if "reason" in row:
-        row["reason"] = in_words(mesh)
-    if "certificate" in mesh:
-        content = certificate_of(mesh["certificate"])
-        if not content["certified"]:
-            row |= {"stage": "certify", "state": "uncertified", "reason": "; ".join(content["reasons"])}
-        elif "state" not in row:
-            row |= {"stage": "certify", "state": "certified", "reason": "; ".join(content.get("remarks", ()))}
-        row["verdict"] = verdict_of(content)
-    elif "earlier" in mesh:
-        row["reason"] += f"; earlier results are in {mesh['earlier']}"
-    return row
+    """The reason of a failure, what to do about it if that is known, and where earlier results are."""
+    remedy = f" ({failure['remedy']})" if failure.get("remedy") else ""
+    earlier = f"; earlier results are in {failure['earlier']}" if "earlier" in failure else ""
+    return f"{failure['reason']}{remedy}{earlier}"

@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 from cortet.errors import InputError, StageError
 from cortet.formats.hashing import companions, input_sha256
@@ -19,9 +18,8 @@ def missing_surface(source: object, *, column: str) -> InputError:
     """The error for a surface that is missing; `column` of the sheet names it."""
     if content_is_elsewhere(str(source)):
         return elsewhere(str(source))
-    if Path(str(source)).exists():
-        return InputError("is not a file", file=source, remedy=f"correct the column {column} of the cohort sheet")
-    return InputError("no such file", file=source, remedy=f"correct the column {column} of the cohort sheet")
+    what = "is not a file" if Path(str(source)).exists() else "no such file"
+    return InputError(what, file=source, remedy=f"correct the column {column} of the cohort sheet")
 
 
 def require_hemisphere(path: str | Path, hemi: str | None) -> None:
@@ -57,24 +55,6 @@ def require_unchanged(paths: Mapping[str, str | Path], planned: Mapping[str, str
     for name, path in paths.items():
         if planned.get(name) != _hash(Path(path)):
             raise StageError("has changed since this run was planned", file=path, remedy="restart the run")
-
-
-def require_same_input(file: str | Path, report: Mapping[str, Any], wanted: Mapping[str, str | None]) -> None:
-    """Raise StageError if a stage used other files than those for which a mesh is certified.
-
-    Parameters
-    ----------
-    file : file of the stage's report
-    report : content of that file
-    wanted : `content` of the files of the case; a report on one of its surfaces names that surface's only
-    """
-    found = report.get("input_sha256")
-    if found is None or not found.items() <= wanted.items():
-        raise StageError(
-            "describes an earlier version of the input",
-            file=file,
-            remedy="restart the run",
-        )
 
 
 def _hash(path: Path) -> str | None:

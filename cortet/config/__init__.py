@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from cortet.config.files import keys_not_given, load, read, render
-    from cortet.config.model import Config
     from cortet.config.sections import Scan
     from cortet.config.settings import SETTINGS
+    from cortet.config.stages import Config
 
 __all__ = ["SETTINGS", "Config", "Scan", "keys_not_given", "load", "read", "render"]
-_MODULES = {"SETTINGS": "settings", "Config": "model", "Scan": "sections"}
+_MODULES = {"SETTINGS": "settings", "Config": "stages", "Scan": "sections"}
 
 
 def __getattr__(name: str) -> Any:

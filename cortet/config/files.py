@@ -14,9 +14,9 @@ import yaml
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from cortet.config.model import Config
 from cortet.config.section import Section
 from cortet.config.settings import SETTINGS
+from cortet.config.stages import Config
 from cortet.errors import InputError
 from cortet.formats.untrusted import content
 

@@ -58,6 +58,8 @@ Subdivisions = Annotated[int, Field(ge=SUBDIVISIONS[0], le=SUBDIVISIONS[1])]
 Boundary = Literal["fixed", "slide", "free"]
 #: named sets of stage parameters (`config.settings`)
 Setting = Literal["default", "folding", "cgal", "published"]
+#: meshers of the line, and those of other projects
+MesherName = Literal["cgal", "lattice", "tetgen", "ftetwild", "gmsh", "netgen"]
 #: `all` cases of the sheet, a number of them spread over the ages, or those named
 Cases = Literal["all"] | NonNegativeInt | list[str]
 

@@ -12,12 +12,12 @@ from cortet.config.section import (
     Cases,
     CellSize,
     Fraction,
+    MesherName,
     Positive,
     Section,
     Subdivisions,
     Threshold,
 )
-from cortet.config.stages import MesherName
 from cortet.formats import FORMATS
 from cortet.geometry.limits import LEAST_BANK_GAP, MOST_LAYERS
 
@@ -111,7 +111,7 @@ class Export(Section):
     """Formats in which the mesh is also written with ten-node elements that follow the surface: abaqus (.inp), febio
     (.feb), fenics (.xdmf), gmsh (.msh), vtu."""
     uncertified: bool = False
-    """true also exports meshes that are not certified."""
+    """true also exports meshes that are not certified, under names that say so: `…Uncertified_sets.vtu`."""
     carp_unit: Literal["mm", "um"] = "um"
     """Unit of the coordinates in CARP files: um for openCARP, mm for meshtool."""
     cortex_depth: Positive = 1.5

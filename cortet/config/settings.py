@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
-#: cells of half the thickness of the cortex, 1.25 mm, and three times as large in the core, which does not buckle
-FOLDING: dict[str, dict[str, Any]] = {"generate": {"cell_size": [0.6], "core_ratio": 3.0, "core_depth": 2.5}}
+#: cells of 0.36 of the thickness of the cortex, 1.25 mm, and three times as large in the core, which does not buckle
+FOLDING: dict[str, dict[str, Any]] = {"generate": {"cell_size": [0.45], "core_ratio": 3.0, "core_depth": 2.5}}
 
 #: the paper's mesher and Gmsh: section -> key -> value
 CGAL: dict[str, dict[str, Any]] = {

@@ -1,25 +1,28 @@
-"""Sections of the stages, in the order of the line: the only source of their defaults and limits."""
+"""The sections of the stages, in the order of the line, and the whole configuration: the only source of defaults."""
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, NonNegativeInt, PositiveInt, model_validator
+from pydantic import Field, NonNegativeInt, PositiveInt, field_validator, model_validator
 
+from cortet.config.fold import Fold
 from cortet.config.section import (
     AsList,
     Boundary,
     CellSize,
     Fraction,
+    MesherName,
     Positive,
     Section,
+    Setting,
     Threshold,
 )
+from cortet.config.sections import Certify, Cohort, Experiments, Export, Phantom
 from cortet.errors import InputError
 from cortet.formats.placement import UNITS
 
-#: meshers of the line, and those of other projects
-MesherName = Literal["cgal", "lattice", "tetgen", "ftetwild", "gmsh", "netgen"]
 Interior = Literal["nearest", "harmonic"]
 SmoothingMethod = Literal["taubin", "published"]
 
@@ -258,3 +261,68 @@ class Snap(Section):
     """true runs the stage. After `boundary: slide` the nodes lie on the surface already."""
     q_max: Threshold = 0.6
     """Elements that snapping would raise to this q or above are improved first."""
+
+
+class Config(Section):
+    """The whole configuration."""
+
+    setting: Setting = "default"
+    """Preset of stage parameters: `default` (lattice mesher, no Gmsh), `folding` (the same, with fine cells in the
+    cortex and coarse ones in the core), `cgal` (the paper's mesher and Gmsh, then our stages) or `published` (all
+    choices of the CORTET paper). Keys below override it."""
+    output: Path = Path("derivatives/cortet")
+    """Output folder (BIDS derivative)."""
+    keep_intermediates: bool = True
+    """false deletes the mesh of every stage except the last once no later stage needs it. That saves 40 % of the disk,
+    but a changed parameter of any stage then reruns all stages from S1. `snakemake --delete-temp-output` deletes the
+    intermediate meshes of earlier runs."""
+    time_limit: Positive | None = 1440.0
+    """Longest run time of a job, minutes. A job that takes longer is stopped and its case fails. null: no limit."""
+    cohort: Cohort = Cohort()
+    phantom: Phantom = Phantom()
+    resample: Resample = Resample()
+    repair: Repair = Repair()
+    gate: Gate = Gate()
+    smooth_surface: SmoothSurface = SmoothSurface()
+    regions: Regions = Regions()
+    generate: Generate = Generate()
+    transfer: Transfer = Transfer()
+    relocate: Relocate = Relocate()
+    clean: Clean = Clean()
+    reconnect: Reconnect = Reconnect()
+    smooth_boundary: SmoothBoundary = SmoothBoundary()
+    snap: Snap = Snap()
+    certify: Certify = Certify()
+    export: Export = Export()
+    fold: Fold = Fold()
+    experiments: Experiments = Experiments()
+
+    @field_validator("output")
+    @classmethod
+    def _without_braces(cls, output: Path) -> Path:
+        if {"{", "}"} & set(str(output)):
+            raise ValueError("braces in the name of the output folder are wildcards to Snakemake: use another name")
+        return output
+
+    @property
+    def target(self) -> float | None:
+        """Worst q at which the line stops to improve a mesh; None without S4+, which alone reaches it."""
+        return self.reconnect.threshold if self.reconnect.enabled else None
+
+    def enabled(self, stage: str) -> bool:
+        """Whether the line contains `stage`."""
+        return bool(getattr(getattr(self, stage, None), "enabled", True))
+
+    def export_arguments(self, solver: str) -> dict[str, Any]:
+        """Arguments of `export` for one format, plain values."""
+        return {"solver": solver, "unit": self.export.carp_unit}
+
+    def placement(self, unit: str | None = None) -> float | None:
+        """Factor from stored coordinates to mm; None if nobody states their unit, which is then mm.
+
+        Parameters
+        ----------
+        unit : of one case; None: as `gate.unit` says
+        """
+        named = unit or self.gate.unit
+        return None if named is None else UNITS[named]

@@ -22,7 +22,7 @@ from cortet.report.colours import COLOURS
 from cortet.report.figures import PAGE, H, drawn, letter, save
 from cortet.report.pages import Panel, Part
 
-VERSION: int = 5
+VERSION: int = 6
 
 _DATA = Path(__file__).with_name("data")
 
@@ -38,6 +38,7 @@ COLUMNS = tuple(
     replace(column, levels=STATES) if column.name == "state" else column
     for column in read_columns(_DATA / "cohort_folding_columns.tsv")
 )
+_ERRORS = ("gyrification_index_error", "fold_spacing_error_mm")
 _LAST = ("gyrification_index", "fold_spacing_mm", "sulcal_depth_mm", "area_mm2", "volume_mm3")
 #: most runs that the legend names, and a colour for each (Paul Tol's, besides those of other figures)
 _NAMED = 10
@@ -85,7 +86,7 @@ def _row(run: Mapping[str, Any]) -> dict[str, Any]:
         "end_weeks": verdict["gestational_age"],
         **{column: None if pd.isna(last[column]) else float(last[column]) for column in _LAST},
         **{key: verdict[key] for key in ("thickness_mm", "min_j", "q_max", "tets", "steps", "reason")},
-        **{key: verdict.get(key) for key in ("distorted_share", "compressed_share")},  # of no earlier version
+        **{key: verdict.get(key) for key in ("distorted_share", "compressed_share", *_ERRORS)},  # of no earlier version
         "warnings": "; ".join(verdict["warnings"]),
     }
 

@@ -39,7 +39,7 @@ from cortet.folding.measurements import COLUMNS, COMPRESSED, DISTORTED, Measurem
 from cortet.folding.measures import weeks_in
 from cortet.folding.mechanics import Mechanics, mechanics
 from cortet.folding.patches import renew
-from cortet.folding.plausible import check_cells, check_mesh
+from cortet.folding.plausible import cell_size_mm, check_cells, check_mesh
 from cortet.folding.run import (
     Moment,
     Run,
@@ -58,7 +58,7 @@ from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.formats.tables import write_table
 from cortet.meshes import TetMesh
 
-VERSION: int = 14
+VERSION: int = 15
 
 #: wall time between two checkpoints, and between two updates of the tables
 _CHECKPOINT_SECONDS, _TABLE_SECONDS = 30.0, 1.0
@@ -75,6 +75,9 @@ _STRAINED = (
     ("distorted_share", 0.05, f"have q above {DISTORTED:g}"),
     ("compressed_share", 1e-3, f"are compressed to less than {COMPRESSED:g} of their volume"),
 )
+#: errors of a fold that are due to its cells, of the index over its gain and of the width over itself, divided by the
+#: square of cell size over thickness
+_INDEX_ERROR, _WIDTH_ERROR = 0.6, 0.6
 #: weeks by which the age in the name of a field may be rounded
 _ROUNDED = 1e-3
 
@@ -105,6 +108,11 @@ class Verdict:
     distorted_share: float
     compressed_share: float
     gyrification_index_last: float
+    #: size of the cells in the cortex, and by how much index and width of folds at the end would probably be higher and
+    #: smaller with far smaller ones; None for a model with which that was not measured, and without folds
+    cell_size_mm: float
+    gyrification_index_error: float | None
+    fold_spacing_error_mm: float | None
     #: of the fold: the section `fold`, gestational age at the start, and hemisphere
     settings: dict[str, Any]
     #: the tetrahedron that inverted, and its centre
@@ -338,6 +346,10 @@ def _verdict(
         reason = f"gyrification index {index:.3f} at {age:.2f} weeks: no brain has less surface than its convex hull"
     else:
         reason = f"folded from {age_of(run.start):.2f} to {age:.2f} weeks; no element inverted in {moment.step} steps"
+    size, width = cell_size_mm(run), rows[-1]["fold_spacing_mm"]
+    gain = max(index - rows[0]["gyrification_index"], 0.0)
+    square = (size / thickness_mm(run)) ** 2
+    known = settings.model == "growing"
     return Verdict(
         outcome=outcome,
         reason=reason,
@@ -351,6 +363,9 @@ def _verdict(
         distorted_share=max(row["distorted_share"] for row in rows),
         compressed_share=max(row["compressed_share"] for row in rows),
         gyrification_index_last=index,
+        cell_size_mm=size,
+        gyrification_index_error=_INDEX_ERROR * square * gain if known else None,
+        fold_spacing_error_mm=_WIDTH_ERROR * square * width if known and width else None,
         settings=settings.values(),
         element=element,
         place_mm=place,

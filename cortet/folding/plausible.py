@@ -88,6 +88,12 @@ def check_mesh(mesh: TetMesh, settings: Settings) -> list[str]:
     return doubts + (_side(mesh, settings.hemisphere) if settings.hemisphere else [])
 
 
+def cell_size_mm(run: Run) -> float:
+    """Size of the cells next to the surface, mm."""
+    volumes = signed_volumes(run.mesh.points, run.mesh.cells)[np.unique(boundary(run.mesh).cells)]
+    return float(np.cbrt(_TETS_PER_CUBE * np.median(volumes)))
+
+
 def check_cells(run: Run, settings: Settings) -> list[str]:
     """A doubt, as a sentence, about a forced fold whose cells are nearly as coarse as its cortex is thick.
 
@@ -95,8 +101,7 @@ def check_cells(run: Run, settings: Settings) -> list[str]:
     ------
     InputError : the cells next to the surface are so coarse, and the fold is not forced
     """
-    volumes = signed_volumes(run.mesh.points, run.mesh.cells)[np.unique(boundary(run.mesh).cells)]
-    size, thickness = float(np.cbrt(_TETS_PER_CUBE * np.median(volumes))), thickness_mm(run)
+    size, thickness = cell_size_mm(run), thickness_mm(run)
     if size <= COARSEST * thickness:
         return []
     doubt = (

@@ -35,6 +35,7 @@ def fold_sentences(verdicts: Mapping[str, Mapping[str, Any]]) -> list[str]:
         settings = verdict["settings"]
         alike[settings["model"], _changed(settings)].append(verdict)
     told = [_grown(model, changed, some) for (model, changed), some in alike.items()]
+    told += [f"{name}: {cells}." for name, one in verdicts.items() if (cells := cells_in_words(one))]
     stopped = [f"{name} ({one['reason']})" for name, one in verdicts.items() if one["outcome"] != "folded"]
     doubted = [f"{name} ({'; '.join(one['warnings'])})" for name, one in verdicts.items() if one["warnings"]]
     if stopped:
@@ -42,6 +43,17 @@ def fold_sentences(verdicts: Mapping[str, Mapping[str, Any]]) -> list[str]:
     if doubted:
         told.append(f"Doubts about folds: {'; '.join(doubted)}.")
     return told
+
+
+def cells_in_words(verdict: Mapping[str, Any]) -> str:
+    """What the cell size of a fold changes, as a sentence; empty where that was not measured."""
+    index, width = verdict.get("gyrification_index_error"), verdict.get("fold_spacing_error_mm")
+    if index is None or width is None:
+        return ""
+    return (
+        f"With far smaller cells than these of {verdict['cell_size_mm']:.2f} mm the gyrification index would be about "
+        f"{index:.3f} higher, and folds {width:.1f} mm narrower"
+    )
 
 
 def _grown(model: str, changed: str, verdicts: list[Mapping[str, Any]]) -> str:

@@ -20,6 +20,7 @@ import numpy as np
 
 from cortet.config.sections import Certify
 from cortet.errors import InputError, StageError, counted, place_mm
+from cortet.formats.certificates import SCHEMA
 from cortet.formats.hashing import input_sha256, mesh_sha256
 from cortet.geometry.banks import Banks, banks
 from cortet.geometry.filling import flaws
@@ -66,10 +67,7 @@ from cortet.measure.worst import ValenceBound, WorstElement, fans, valence_bound
 from cortet.meshes import FloatArray, TetMesh, TriSurface, require_measurable
 from cortet.version import __version__
 
-VERSION: int = 15
-
-#: of the content of certificate.json; raised where a key changes its name or meaning
-SCHEMA = 2
+VERSION: int = 16
 
 #: relative difference allowed between the sum of volumes and the volume inside the boundary
 VOLUME_TOLERANCE = 1e-9
@@ -83,9 +81,9 @@ LIBRARIES = ("numpy", "scipy", "numba", "nibabel", "meshio", "pymeshlab", "pygal
 
 @dataclass(frozen=True)
 class Certificate:
-    """All that is certified about one mesh; `dataclasses.asdict` gives the content of certificate.json."""
+    """All that is certified about one mesh; `formats.certificates` has its file."""
 
-    #: version of this content, `SCHEMA`; files before it had none
+    #: version of this content, `SCHEMA`
     schema: int
     #: name of the case, e.g. sub-01_ses-02_hemi-L
     case: str

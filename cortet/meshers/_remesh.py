@@ -25,7 +25,7 @@ ITERATIONS = 8
 #: target edge lengths grow by at most this share of the distance between points
 GROWTH = 0.3
 #: edges are at most this multiple of the thickness of a blade; longer ones would fill it with flat tetrahedra
-EDGE_OVER_THICKNESS = 1.75
+EDGE_OVER_THICKNESS = 1.5
 #: the thickness of a blade is the largest one within this multiple of the largest distance; nearer to its crest, where
 #: it thins out, remeshing may blunt it
 CREST = 1.25

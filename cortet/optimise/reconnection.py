@@ -52,8 +52,9 @@ _LAST_ROUNDS = 4
 _SWEEPS, _MEAN_SWEEPS = 12, 4
 #: stages of a search around what is left: by how much an insertion may make a pocket worse at first, and rounds
 _GAINS = ((MIN_GAIN, 2), (1.25, 4), (1.6, 4))
-#: number of the worst tetrahedra in one search: with more, pockets join, and one that is too large is given up
-_SOUGHT = 60
+#: a search is around so many of the worst tetrahedra, or this share of those above the threshold if that is more: with
+#: more, pockets join, and one that is too large is given up
+_SOUGHT, _SOUGHT_SHARE = 40, 0.03
 #: a pocket with more bad tetrahedra than this is given up for this series of powers
 _MOST_HOPE = 100
 #: two series of powers; neither is always better: at 64, the good tetrahedra of a tight pocket hold the worst back
@@ -180,8 +181,9 @@ def searched(
     relaxes the pockets first.
     """
     q = quality(mesh.points, mesh.cells)
-    worst = np.sort(q)[-_SOUGHT - 1 :]
-    aim = max(threshold, float(worst[0])) if len(worst) > _SOUGHT else threshold
+    worst = np.sort(q[q > threshold])
+    sought = max(_SOUGHT, int(_SOUGHT_SHARE * len(worst)))
+    aim = float(worst[-sought - 1]) if len(worst) > sought else threshold
     bad = q > aim
     if not bad.any():
         return mesh, 0

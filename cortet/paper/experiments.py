@@ -53,11 +53,6 @@ class Experiments:
         meshers = self.plan.config.experiments.ablation.meshers
         return [mesher for mesher in meshers if mesher in BASELINES and mesher not in self.plan.config.generate.meshers]
 
-    def settings_on(self, mesher: str) -> list[str]:
-        """Settings, by their names in files, that run on the meshes of a mesher: those that name it, else all."""
-        own = [name for name, setting in self.plan.settings.items() if mesher in setting.generate.meshers]
-        return own or list(self.plan.settings)
-
     @cached_property
     def own_meshers(self) -> list[str]:
         """Meshers whose failure is that of the case."""
@@ -77,12 +72,6 @@ class Experiments:
         sizes |= {round(1000 * size): which for size, which in ablation.further.items()}
         return {res: self._cases(which) for res, which in sizes.items()}
 
-    @cached_property
-    def resolutions(self) -> list[int]:
-        """Cell sizes that are compared, µm."""
-        sizes = self.plan.config.experiments.resolution.cell_size
-        return [round(1000 * size) for size in sizes] or self.plan.resolutions
-
     def ablated(self, meshers: Iterable[str]) -> list[OfCase]:
         """Every mesh that the ablation takes from some meshers."""
         meshers = list(meshers)
@@ -93,7 +82,7 @@ class Experiments:
     def ablation_reports(self) -> Records:
         """What S1 reported of every mesh; with these as inputs the meshers run at once, not one after the other."""
         meshes = self.ablated([*self.own_meshers, *self.compared_meshers])
-        return {self._report(mesh): self._origin(STAGES["generate"].label, mesh) for mesh in meshes}
+        return {_report(self.plan, mesh): self._origin(STAGES["generate"].label, mesh) for mesh in meshes}
 
     def ablation_records(self) -> Records:
         """Quality records of the ablation, without those of meshers of other projects that made no mesh."""
@@ -103,7 +92,9 @@ class Experiments:
     def ablation_asked(self) -> Records:
         """As `ablation_records`, with those of meshers of other projects that did not say what they made."""
         others = self.ablated(self.compared_meshers)
-        silent = [mesh for mesh in others if self._why(self._report(mesh), "generate", mesh) or self._is_made(mesh)]
+        silent = [
+            mesh for mesh in others if self._why(_report(self.plan, mesh), "generate", mesh) or self._is_made(mesh)
+        ]
         return self.records_of([*self.ablated(self.own_meshers), *silent])
 
     def references(self) -> dict[str, Path]:
@@ -111,21 +102,30 @@ class Experiments:
         return {path.stem: path for path in self.plan.config.experiments.reference_meshes}
 
     def records_of(self, meshes: Iterable[OfCase]) -> Records:
-        """Quality records of meshes after each stage that the ablation looks at, in the settings run on them."""
+        """Quality records of meshes after each stage that the ablation looks at, in the settings run on them.
+
+        These are the settings that name the mesher, else all.
+        """
         plan = self.plan
+
+        def settings_on(mesher: str) -> list[str]:
+            own = [name for name, setting in plan.settings.items() if mesher in setting.generate.meshers]
+            return own or list(plan.settings)
+
         return {
             path: origin
             for mesh in meshes
             for stage, label in LABELS.items()
-            for name in ([""] if stage in SHARED else self.settings_on(mesh[2]))
+            for name in ([""] if stage in SHARED else settings_on(mesh[2]))
             if label in ABLATED and plan.settings[name].enabled(stage)
             for path, origin in self._record(label, mesh, name).items()
         }
 
     def resolution_records(self) -> Records:
         """Quality records of the last meshes of every setting, by cell size."""
-        cases = self._cases(self.plan.config.experiments.resolution.cases)
-        return self._last_records((case, res) for case in cases for res in self.resolutions)
+        asked = self.plan.config.experiments.resolution
+        sizes = [round(1000 * size) for size in asked.cell_size] or self.plan.resolutions
+        return self._last_records((case, res) for case in self._cases(asked.cases) for res in sizes)
 
     def measures_records(self) -> Records:
         """Quality records of the last meshes of every setting, for the table of other measures."""
@@ -208,9 +208,6 @@ class Experiments:
         case, res, mesher = mesh
         return Origin(**self.plan.origin_of_mesh(label, case.name, res, mesher, setting))
 
-    def _report(self, mesh: OfCase) -> str:
-        return file_of(self.plan.layout.mesh("Generated", "tetmesh.json"), *mesh)
-
     def _is_made(self, mesh: OfCase) -> bool:
         """Whether a mesher of another project made a mesh."""
         case, res, mesher = mesh
@@ -218,6 +215,11 @@ class Experiments:
         path = Path(
             waited("baseline", folder=case.folder, case=case.name, res=res, mesher=mesher)
             if waited
-            else self._report(mesh)
+            else _report(self.plan, mesh)
         )
         return path.exists() and "failure" not in json.loads(path.read_text(encoding="utf-8"))
+
+
+def _report(plan: Plan, mesh: OfCase) -> str:
+    """What S1 reports of a mesh."""
+    return file_of(plan.layout.mesh("Generated", "tetmesh.json"), *mesh)

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cortet.cohort.status import verdict_of
 from cortet.formats.tables import Column, headed
 from cortet.formats.volumes import TISSUE_COLUMNS
 from cortet.geometry.mending import measurable
@@ -20,15 +19,11 @@ from cortet.report.boundary_view import boundary_view
 from cortet.report.figures import mesh_quality_figures, svg
 from cortet.report.numbers import ELEMENTS, Certificate, limit_of, of_check
 from cortet.report.pages import Panel, Part
-from cortet.stages import STAGES
 
-#: job of the workflow -> what it does, in words
-DOES = {
+#: job of the workflow besides those of stages -> what it does, in words
+_DOES = {
     "phantom": "makes a synthetic surface",
     "fields": "reads the fields of the surface",
-    **{stage.name: f"{stage.does} ({stage.number})" if stage.number else stage.does for stage in STAGES.values()},
-    "quality": "measures the elements",
-    "certify": "checks the mesh",
     "volumes": "reads the volumes around the mesh",
 }
 #: remedy of a job that left no message
@@ -89,7 +84,7 @@ def write_case_page(of: Checked, path: str | Path, *, facts: Mapping[str, str] =
     """
     name, q = of.certificate["case"], of.certificate["quality"]
     certified = of.certificate["certified"]
-    verdict = verdict_of(of.certificate) if certified else ""
+    verdict = of.certificate["verdict"] if certified else ""
     pages.write(
         path,
         f"{name}: {verdict or 'not certified'}",
@@ -123,7 +118,7 @@ def write_failure_page(
     surface : the input surface; None if it cannot be read, and `trouble` says why
     facts, cohort : as in `write_case_page`
     """
-    does = DOES.get(failure["stage"], "")
+    does = _does(failure["stage"])
     story = {
         "At stage": f"`{failure['stage']}`" + (f": {does}" if does else ""),
         "Reason": failure["reason"],
@@ -145,12 +140,21 @@ def write_failure_page(
     )
 
 
+def _does(job: str) -> str:
+    """What a job of the workflow does, in words; empty if nobody has said it."""
+    from cortet.stages import STAGES  # loads the configuration, which the page of a mesh does without
+
+    if stage := STAGES.get(job):
+        return f"{stage.does} ({stage.number})" if stage.number else stage.does
+    return _DOES.get(job, "")
+
+
 def about(case: Mapping[str, Any]) -> dict[str, str]:
     """Facts of a case for its page, by their names; unknown facts are left out.
 
     Parameters
     ----------
-    case : `surface` white or pial, `scan_age` weeks, `hemi`, `cell_size` mm, `mesher`
+    case : `surface` white or pial, `scan_age` weeks, `hemi`, `cell_size_mm`, `mesher`
     """
     surfaces = {"white": "white, with the cortex outside it", "pial": "pial, with the cortex inside it"}
     hemispheres = {"L": "left hemisphere", "R": "right hemisphere", None: "whole brain"}
@@ -158,7 +162,7 @@ def about(case: Mapping[str, Any]) -> dict[str, str]:
         "Age at scan": case.get("scan_age") and f"{case['scan_age']:g} weeks",
         "Surface": surfaces.get(case.get("surface", "")),
         "Shape": "hemi" in case and hemispheres[case["hemi"]],
-        "Cell size": case.get("cell_size") and f"{case['cell_size']:g} mm",
+        "Cell size": case.get("cell_size_mm") and f"{case['cell_size_mm']:g} mm",
         "Mesher": case.get("mesher"),
     }
     return {name: value for name, value in known.items() if value}

@@ -154,7 +154,7 @@ def _shown(row: Row) -> dict[str, Any]:
     told = [row[name] for name in ("stage", "reason") if row["reason"] != MISSING and row[name] != MISSING]
     links = {name: "" if row.get(name, MISSING) == MISSING else row[name] for name in ("page", "thumbnail")}
     case = {"text": row["case"], **links}
-    verdict = row["verdict"] if row["state"] == "certified" else ""
+    verdict = row["verdict_in_words"] if row["state"] == "certified" else ""
     state = {"text": row["state"], "verdict": verdict, "why": ": ".join(told)}
     return {**row, "case": ("case", case), "state": ("state", state)}
 

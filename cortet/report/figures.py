@@ -7,11 +7,10 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from string import ascii_lowercase
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
@@ -22,6 +21,9 @@ from cortet.formats.atomic import atomic_path
 from cortet.formats.tsv import read_tsv
 from cortet.report import published
 from cortet.report.colours import BLUE, DARK_GREY, GREEN, GREY, VERMILION
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 VERSION: int = 8
 
@@ -111,6 +113,8 @@ def cohort_figure(table: Path, *, limit: float | None = None, target: float | No
     limit : of the worst q, drawn as a line; None draws none
     target : of the worst q, below which nothing is improved, drawn as a dotted line; None draws none
     """
+    import pandas as pd  # which the page of a mesh does without
+
     rows, theirs = read_tsv(table), published.cohort()
     numbers = ["cell_size_mm", "scan_age", *PANELS]
     rows[numbers] = rows[numbers].apply(pd.to_numeric, errors="coerce")  # an age may be n/a

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from cortet.formats.tsv import MISSING, read_tsv
 from cortet.measure.counts import HISTOGRAM_BIN_WIDTH
 from cortet.report import DATA
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: cell size of the published meshes, mm
 CELL_SIZE = 0.6
@@ -39,11 +43,15 @@ def measures() -> pd.DataFrame:
 
 
 def histogram(stages: str) -> NDArray[np.int64]:
-    """Pooled distribution of q after S1-S2, S1-S3 or S1-S4 (Fig. 2): counts (200,), bins of `measure.quality`."""
-    table = _read("published_histogram")
-    bins = table[table["stages"] == stages]
+    """Pooled distribution of q after S1-S2, S1-S3 or S1-S4 (Fig. 2): counts (200,), bins of `measure.quality`.
+
+    Every page of a mesh shows it, so it is read without pandas.
+    """
     counts = np.zeros(round(1 / HISTOGRAM_BIN_WIDTH), np.int64)
-    counts[(bins["bin_left"] / HISTOGRAM_BIN_WIDTH).round().astype(int)] = bins["count"]
+    with (DATA / "published_histogram.tsv").open(encoding="utf-8") as file:
+        for row in csv.DictReader(file, delimiter="\t"):
+            if row["stages"] == stages:
+                counts[round(float(row["bin_left"]) / HISTOGRAM_BIN_WIDTH)] = int(row["count"])
     return counts
 
 
@@ -53,6 +61,8 @@ def _read(name: str) -> pd.DataFrame:
 
 def numbers_of(path: Path) -> pd.DataFrame:
     """A table of the package, with numbers as numbers and NaN where its source gives none."""
+    import pandas as pd
+
     table = read_tsv(path).reset_index(drop=True)
     table = table.mask(table == MISSING)
     numbers = table.columns.difference(_WORDS)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cortet.cohort.status import certificate_of
 from cortet.errors import InputError
+from cortet.formats.certificates import certificate_of
 
 
 @dataclass(frozen=True)

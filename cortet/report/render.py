@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 import matplotlib as mpl
-import matplotlib.image
 import numpy as np
 import pyvista
 from numpy.typing import NDArray
+from PIL import Image
 
 from cortet.errors import InputError, StageError
 from cortet.formats import tags
@@ -23,7 +23,7 @@ from cortet.measure.quality import quality
 from cortet.meshes import REGION, FloatArray, TetMesh, TriSurface
 from cortet.report.colours import REGION_COLOURS
 
-VERSION: int = 7
+VERSION: int = 8
 
 #: colours that colour-blind readers tell apart; worse elements are darker
 COLOURS = "viridis_r"
@@ -247,7 +247,7 @@ def _towards(side: Literal["L", "R"]) -> float:
 def webp(image: NDArray[np.uint8]) -> bytes:
     """A picture as a WebP file, which keeps transparency in a fifth of the bytes of a PNG."""
     file = io.BytesIO()
-    matplotlib.image.imsave(file, image, format="webp", pil_kwargs={"quality": 85})
+    Image.fromarray(image).save(file, "webp", quality=85, method=2)  # the default of 4 takes twice as long for 2 %
     return file.getvalue()
 
 

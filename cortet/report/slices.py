@@ -35,6 +35,8 @@ _AXES = (
 _MARGIN, _SAMPLES, _PALE, _DARK = 3.0, 2, 0.45, 0.6
 #: pixels per inch; inches of one slice, and of a section alone
 _DPI, _INCHES, _SECTION = 150, 6.0, 4.5
+#: left, bottom, width and height of the axes of a section, fractions of its figure
+_IN_FIGURE = (0.13, 0.11, 0.85, 0.87)
 #: width of the edges in a section, points
 _LINE = 0.25
 
@@ -128,9 +130,10 @@ def _of_regions(mesh: TetMesh) -> FloatArray:
 
 def section(mesh: TetMesh, plane: str, position: float, colours: FloatArray | None = None) -> NDArray[np.uint8]:
     """The picture of a section, as `draw_section` draws it: (height, width, 4)."""
-    figure = Figure(figsize=(_SECTION, _SECTION), dpi=_DPI, layout="constrained")
+    figure = Figure(figsize=(_SECTION, _SECTION), dpi=_DPI)
     canvas = FigureCanvasAgg(figure)
-    draw_section(figure.subplots(), mesh, plane, position, colours)
+    # with room for the numbers and names of two axes; to measure these takes longer than to draw them
+    draw_section(figure.add_axes(_IN_FIGURE), mesh, plane, position, colours)
     canvas.draw()
     return np.asarray(canvas.buffer_rgba())
 

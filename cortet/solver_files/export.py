@@ -151,7 +151,7 @@ def require_certified(mesh: TetMesh, certificate: Mapping[str, Any], path: Path,
         raise StageError(
             "not exported, because the mesh is not certified: " + "; ".join(certificate["reasons"]),
             file=final_name(path),
-            remedy="set export.uncertified: true to write it anyway",
+            remedy="set export.uncertified: true to write it under a name that says so",
         )
 
 

@@ -15,6 +15,7 @@ from typing import Any, Literal
 from pydantic import TypeAdapter, ValidationError
 
 from cortet.errors import DamagedFileError, InputError
+from cortet.formats.certificates import certificate_of
 from cortet.formats.gifti import hemisphere_of, kind_of, read_surface, write_surface
 from cortet.formats.hashing import input_sha256
 from cortet.formats.ownership import json_of, mesh_of
@@ -55,8 +56,9 @@ def meshed_files(regions: Iterable[str], mesh: Path) -> dict[str, Path]:
     return {region: mesh.with_name(f"{mesh.stem}.meshed{of}.surf.gii") for region, of in named.items()}
 
 
-#: in names of the workflow: the mesh of the last stage; its certificate and its files for solvers
-OF_LAST_STAGE, OF_SOLVERS = "Ordered", "Solver"
+#: in names of the workflow: the mesh of the last stage; its certificate and its files for solvers; those that are not
+#: certified
+OF_LAST_STAGE, OF_SOLVERS, OF_UNCERTIFIED = "Ordered", "Solver", "Uncertified"
 
 
 def certificate_path(mesh: Path) -> Path:
@@ -107,7 +109,9 @@ def parameters_of(mesh: Path) -> dict[str, Any]:
 def certificate_file(mesh: Path) -> Path:
     """The certificate beside a mesh, of a command or of the workflow, whether it exists or not."""
     stem = mesh.stem.removesuffix("_tetmesh").removesuffix("_sets")
-    of_workflow = mesh.with_name(f"{stem.replace(OF_LAST_STAGE, OF_SOLVERS)}_certificate.json")
+    for label in (OF_LAST_STAGE, OF_UNCERTIFIED):
+        stem = stem.replace(label, OF_SOLVERS)
+    of_workflow = mesh.with_name(f"{stem}_certificate.json")
     return of_workflow if of_workflow.exists() else certificate_path(mesh)
 
 
@@ -126,6 +130,12 @@ def electrodes_of(mesh: Path) -> tuple[ElectrodeRecord, ...]:
     except ValidationError as error:
         what = "cannot be read as a certificate: its electrodes have another form"
         raise DamagedFileError(what, file=certificate_file(mesh)) from error
+
+
+def why_uncertified(mesh: Path) -> list[str]:
+    """Why the certificate beside a mesh fails it, in words; empty without one, and for a certified mesh."""
+    content = certificate_of(certificate_file(mesh))
+    return [] if content.get("certified", True) else list(content["reasons"])
 
 
 def repair_of(mesh: Path, surface: Path | None) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 
-from cortet.config.model import Config
+from cortet.config.stages import Config
 from cortet.errors import InputError
 from cortet.meshers import MESHERS
 from cortet.meshers.cgal import installed_backend
@@ -34,10 +34,11 @@ def _resample(state: State, config: Config, about: About) -> Result:
 
 
 def _repair(state: State, config: Config, about: About) -> Result:
-    from cortet.stages.repair import repair
+    from cortet.stages.repair import repair, repaired_before
 
     allowed = config.gate.allow_genus
-    return state.with_surface(*repair(state.surface, config.repair, source=about.source, allow_genus=allowed))
+    made, report = repair(state.surface, config.repair, source=about.source, allow_genus=allowed)
+    return state.with_surface(made, report if report.repaired else repaired_before(about.source) or report)
 
 
 def _gate(state: State, config: Config, about: About) -> Result:

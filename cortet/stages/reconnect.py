@@ -16,7 +16,7 @@ from cortet.meshes import TetMesh, TriSurface
 from cortet.optimise.reconnection import reconnected
 from cortet.optimise.soundness import require_sound
 
-VERSION: int = 16
+VERSION: int = 17
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,16 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
 from cortet.config.stages import Repair
 from cortet.errors import InputError
+from cortet.formats.hashing import sha256
+from cortet.formats.ownership import files_of, json_of
 from cortet.geometry.mending import CAP, GIVEN, measurable
 from cortet.geometry.topology import enclosed_volume, face_areas
 from cortet.measure.fidelity import Distances, summary
@@ -94,6 +98,25 @@ def repair(
         raise InputError(error.what, file=source, remedy=error.remedy or _REMEDY) from None
     logger.warning("%s: repaired: %s", source or "the surface", work.done())
     return made, _report(surface, made, source, work)
+
+
+def record_path(file: Path) -> Path:
+    """The report that `cortet repair` writes beside a surface."""
+    return file.with_name(f"{file.stem}.repair.json")
+
+
+def repaired_before(source: str | None) -> RepairReport | None:
+    """What `cortet repair` did to a surface whose file it wrote; None for other files, and for one that was edited."""
+    if source is None or not (record := record_path(Path(source))).is_file():
+        return None
+    done = json_of(record)
+    if not done.get("repaired") or files_of(record).get(Path(source).name) != sha256(source):
+        return None
+    known = {key: done.get(key) for key in RepairReport.__dataclass_fields__}
+    try:
+        return TypeAdapter(RepairReport).validate_python(known)
+    except ValidationError:  # of another version
+        return None
 
 
 def _report(given: TriSurface, made: TriSurface, source: Any, work: BrokenSurface | None = None) -> RepairReport:

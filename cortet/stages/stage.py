@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from pydantic import BaseModel
 
-from cortet.config.model import Config
 from cortet.config.section import Section
+from cortet.config.stages import Config
 from cortet.meshers import MESHERS
 from cortet.meshes import TetMesh, TriSurface
 from cortet.version import version_of
@@ -114,6 +114,13 @@ class Stage:
     each_surface: bool = False
     #: whether the result is the same in every setting of the configuration, so that all of them share it
     shared_by_settings: bool = False
+
+    @property
+    def wildcards(self) -> tuple[str, ...]:
+        """What its jobs differ by, besides case and region."""
+        if self.gives == "surface":
+            return ("res",) if self.nested else ()
+        return ("res", "mesher") if self.shared_by_settings else ("res", "mesher", "setting")
 
     def section_of(self, config: Config) -> Section:
         """Its section of a configuration."""

@@ -269,7 +269,7 @@ def test_no_file_of_others_is_replaced_unless_forced_and_no_input_ever(ball, tmp
     assert len(vtu.read(theirs).cells) == len(made.cells)
 
 
-def test_a_mesh_that_is_not_certified_is_saved_only_on_demand_and_its_name_says_so(ball, tmp_path):
+def test_a_mesh_that_is_not_certified_says_so_in_its_name_and_when_it_is_folded(ball, tmp_path, caplog):
     strict = cortet.mesh(ball, COARSE, settings={"certify": {"q_max": 0.01}}, progress=False)
     assert not strict.certified and "NOT certified" in repr(strict)
     for force in (False, True):
@@ -280,6 +280,12 @@ def test_a_mesh_that_is_not_certified_is_saved_only_on_demand_and_its_name_says_
     with pytest.raises(InputError, match="not certified.*x_uncertified.inp"):
         cortet.convert(saved, tmp_path / "x.inp")
     cortet.convert(saved, tmp_path / "x_uncertified.inp")
+    for one in (strict, saved):
+        with pytest.raises(InputError, match="age of the mesh is not known"):
+            cortet.fold(one)
+        (warning,) = caplog.messages
+        assert warning.startswith("the mesh that is folded is not certified: worst q")
+        caplog.clear()
     cortet.mesh(ball, COARSE, progress=False).save(tmp_path / "x.vtu")
     left = {path.name for path in tmp_path.glob("x*")}
     converted = {"x_uncertified.inp", "x_uncertified.inp.json"}

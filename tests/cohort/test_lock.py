@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from cortet.cohort.app import lock, require_plain_python
+from cortet.cohort.app import require_plain_python
+from cortet.cohort.bids import require_own_output
 from cortet.cohort.lock import NAME, hold, is_held_by_parent, require_free
 from cortet.config import load
 from cortet.errors import InputError
@@ -63,7 +64,7 @@ def test_asking_whether_a_folder_is_free_writes_nothing_and_the_text_of_a_lock_c
 
 def test_an_output_folder_with_braces_is_refused_before_anything_is_made(tmp_path):
     with pytest.raises(InputError, match=r"has braces in its name, which Snakemake reads as wildcards"):
-        lock(tmp_path / "bids", tmp_path / "out{x}")
+        require_own_output(tmp_path / "out{x}", tmp_path / "bids")
     assert not list(tmp_path.iterdir())
     with pytest.raises(InputError, match="output = 'out{x}': braces in the name of the output folder"):
         load({"output": "out{x}"})

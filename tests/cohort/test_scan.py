@@ -240,6 +240,15 @@ def test_of_several_pipelines_one_has_to_be_chosen(tmp_path):
     assert [case.scan_age for case in scan(tmp_path / "derivatives/niftymic")] == [28.5, 28.5, 32.1, 32.1]
 
 
+def test_a_link_to_a_pipeline_is_no_second_one(tmp_path):
+    """`derivatives/latest` made cortet ask which of two to take."""
+    fetpype(tmp_path, "nesvor")
+    (tmp_path / "derivatives/latest").symlink_to("nesvor")
+    said: list[str] = []
+    assert len(scan(tmp_path, say=said.append)) == 4
+    assert any(line.endswith("derivatives/nesvor") for line in said)
+
+
 def test_an_earlier_output_of_cortet_is_no_pipeline(tmp_path):
     own = touched(fetpype(tmp_path, "nesvor") / "derivatives/cortet", f"{A}_hemi-L_white.surf.gii")
     (own / DESCRIPTION).write_text(json.dumps({"GeneratedBy": [{"Name": "cortet"}]}))

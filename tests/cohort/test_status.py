@@ -3,35 +3,18 @@
 from __future__ import annotations
 
 import json
+from unittest.mock import Mock
 
 import pytest
 
-from cortet.cohort.status import COLUMNS, certificate_of, failure_reason, status_rows
-from cortet.cohort.user_files import require_same_input
-from cortet.errors import StageError
-from cortet.formats.tables import names, write_table
-from cortet.formats.tsv import read_tsv
-
-
-def test_a_failure_and_an_exclusion_are_rows_too(tmp_path):
-    meshes = [
-        {
-            "case": "sub-1",
-            "cell_size_mm": 0.6,
-            "mesher": "cgal",
-            "stage": "gate",
-            "state": "failed",
-            "reason": 'two\t"bodies"\n',
-            "log": "a.log",
-        },
-        {"case": "sub-2", "state": "excluded", "reason": "motion"},
-    ]
-    write_table(COLUMNS, status_rows(meshes), tmp_path / "status.tsv", tmp_path / "status.json")
-    failed, excluded = read_tsv(tmp_path / "status.tsv").to_dict("records")
-    assert (failed["stage"], failed["reason"], failed["log"]) == ("gate", 'two "bodies"', "a.log")
-    assert (excluded["stage"], excluded["cell_size_mm"], excluded["reason"]) == ("n/a", "n/a", "motion")
-    assert list(json.loads((tmp_path / "status.json").read_text())) == names(COLUMNS)
-
+from cortet.cohort import status
+from cortet.cohort.plan import Plan
+from cortet.cohort.sheet import Case
+from cortet.cohort.states import States
+from cortet.cohort.status import failure_path, failure_reason, write_failure
+from cortet.config import Config
+from cortet.errors import InputError
+from cortet.formats.certificates import certificate_of, sealed
 
 STACK = 'Current thread 0x00007f (most recent call first):\n  File "/x/a.py", line 3 in fill\n  File "b.py", line 4\n'
 
@@ -51,41 +34,45 @@ def test_why_a_job_that_left_no_word_ended_follows_from_its_log(tmp_path, text, 
     assert failure_reason(log) == reason
 
 
-def test_a_report_on_another_input_is_refused():
-    require_same_input("gate.json", {"input_sha256": {"surface": "a"}}, {"surface": "a"})
-    require_same_input("gate.json", {"input_sha256": {"surface": "a"}}, {"surface": "a", "inner_white": "b"})
-    with pytest.raises(StageError):
-        require_same_input("gate.json", {}, {"surface": "a"})
-    with pytest.raises(StageError, match=r"gate\.json: describes an earlier version"):
-        require_same_input("gate.json", {"input_sha256": {"surface": "b"}}, {"surface": "a"})
+def test_a_job_on_a_full_disk_says_why_it_failed(tmp_path, monkeypatch):
+    """Its file said that it had been killed: the longer one found no room."""
+    log = tmp_path / "job.log"
+    write_failure(log, "export", {"case": "sub-a"}, "made")
+    full = InputError("its disk has only 0 kB left", file="x.vtu", remedy="free some space")
+    monkeypatch.setattr(status, "write_json", Mock(side_effect=full))
+    write_failure(log, "export", {"case": "sub-a"}, "made", full)
+    told = json.loads(failure_path(log).read_text())
+    assert (told["reason"], told["remedy"]) == (
+        "x.vtu: its disk has only 0 kB left",
+        "free some space",
+    )
 
 
-CERTIFICATE = {
-    "schema": 1,
-    "certified": True,
-    "checks": [{"id": "worst_q", "passed": True}],
-    "reasons": [],
-    "remarks": [],
-    "regions": [],
-    "quality": {},
-    "parameters": {},
-    "reports": {},
-}
+def test_an_excluded_row_without_a_reason_says_so():
+    out = Case("a", None, "L", 24.0, "a.gii", include=False)
+    (row,) = States(Plan({"": Config()}, [out])).rows()
+    assert row == {"case": "sub-a_hemi-L", "state": "excluded", "reason": "no reason given"}
+
+
+CERTIFICATE = {"schema": 3, "certified": False, "checks": [{"id": "worst_q", "passed": False}], "quality": {"q": 0.7}}
 
 
 @pytest.mark.parametrize(
     "edited",
     [
-        {"checks": [{"id": "other", "passed": True}]},
-        {"checks": [[]]},
-        {"checks": {}},
-        {"quality": []},
-        {"reasons": "x"},
+        {"checks": []},
+        {"checks": [], "certified": True},
+        {"quality": {"q": 0.3}},
+        {"content_sha256": ""},
+        {"schema": 2},
     ],
 )
-def test_a_certificate_edited_to_another_form_is_none(tmp_path, edited):
-    """A page ended with `StopIteration:`."""
-    (path := tmp_path / "c.json").write_text(json.dumps(CERTIFICATE))
-    assert certificate_of(path) == CERTIFICATE
-    path.write_text(json.dumps({**CERTIFICATE, **edited}))
-    assert certificate_of(path) == {}
+def test_a_certificate_that_was_edited_is_none(tmp_path, edited):
+    """With the checks cut down, or other numbers, it passed as certified."""
+    file, content = tmp_path / "c.json", sealed(CERTIFICATE)
+    file.write_text(json.dumps(content, indent=3, sort_keys=True))
+    assert certificate_of(file) == content
+    file.write_text(json.dumps({**content, "files": {"x.vtu": "1"}, "made_by": "cortet"}))
+    assert certificate_of(file)["certified"] is False, "what was written with it is no part of it"
+    file.write_text(json.dumps({**content, **edited}))
+    assert certificate_of(file) == {}

@@ -11,7 +11,7 @@ import yaml
 
 from cortet import config
 from cortet.config import keys_not_given
-from cortet.config.stages import MesherName
+from cortet.config.section import MesherName
 from cortet.errors import InputError
 from cortet.meshers import MESHERS
 from cortet.stages import require_programs

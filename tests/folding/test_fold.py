@@ -24,8 +24,9 @@ from cortet.folding.journal import TABLE
 from cortet.folding.law import ALONG
 from cortet.folding.measurements import COLUMNS, Measurements
 from cortet.folding.models import CONSTANTS
+from cortet.folding.plausible import cell_size_mm
 from cortet.folding.run import beginning, prepared, thickness_mm
-from cortet.folding.sentences import fold_sentences, verdict_of_fold
+from cortet.folding.sentences import cells_in_words, fold_sentences, verdict_of_fold
 from cortet.formats import braingrowth
 from cortet.formats.tables import names
 from cortet.formats.tsv import read_tsv
@@ -179,6 +180,21 @@ def test_the_methods_paragraph_tells_of_folds(finished):
         and f"index was {verdict.gyrification_index_last:.3f}" in told
     )
     assert "force = true" in told and f"Doubts about folds: ball ({verdict.warnings[0]}" in told
+
+
+def test_a_fold_says_what_smaller_cells_would_change(finished, ball, tmp_path):
+    """The error of the cells grows with their square, so half of the size is a quarter of the error."""
+    coarse, fine = (cell_size_mm(prepared(ball_mesh(level, radius=10.0), QUICK)) for level in (1, 2))
+    assert coarse / fine == pytest.approx(2, rel=0.1)
+    _, verdict = finished
+    assert verdict.cell_size_mm == pytest.approx(fine, rel=0.01) and verdict.gyrification_index_error is not None
+    told = {"cell_size_mm": 0.44, "gyrification_index_error": 0.0294, "fold_spacing_error_mm": 0.86}
+    assert cells_in_words(told) == (
+        "With far smaller cells than these of 0.44 mm the gyrification index would be about 0.029 higher, and folds "
+        "0.9 mm narrower"
+    )
+    other = fold(ball, tmp_path, QUICK.with_keys(model="braingrowth"))
+    assert other.gyrification_index_error is None and not cells_in_words(vars(other))
 
 
 def test_no_cortex_grows_around_the_callosum_of_a_whole_brain(ball):

@@ -89,6 +89,20 @@ def test_one_is_not_counted_in_the_plural():
     assert counted(1234, "vertex", "vertices") == "1,234 vertices" and counted(0, "hole") == "0 holes"
 
 
+def test_a_run_that_ends_early_without_a_failure_says_how_to_go_on(tmp_path):
+    """After SIGINT to Snakemake alone, whose jobs end well, the last line was "At least one job did not complete"."""
+    run, _ = progress()
+    run.started(1, "gate", WILDCARDS)
+    run.ended(1)
+    run.jobs = (1, 10)
+    assert run.ending() == "stopped though no job failed after 1 of 10 jobs; the same command goes on from there"
+    run.started(2, "generate", WILDCARDS)
+    run.failure(2, str(tmp_path / "generate.log"))
+    assert not run.ending(), "why is said already"
+    run.jobs = (10, 10)
+    assert not progress()[0].ending()
+
+
 def test_the_plugin_imports_nothing_of_cortet():
     """Snakemake loads it before the Snakefile, which may belong to another checkout."""
     code = "import sys, snakemake_logger_plugin_cortet; print([name for name in sys.modules if name[:6] == 'cortet'])"

@@ -95,7 +95,7 @@ def test_a_twin_whose_jobs_were_killed_has_the_same_bits_after_the_other_stages_
 
 def test_two_runs_on_one_output_and_kill_9_of_snakemake_alone(study, tmp_path):
     before = sums(study.folder, "sub-*")
-    study.config["export"] = {"uncertified": True}  # another parameter, the same result
+    study.config["export"] = {"carp_unit": "mm"}  # another parameter, the same result
     environment = sabotaged(study, wait=[("export", "sub-a")])
     first = subprocess.Popen(study.command(), cwd=study.folder, env=environment, stdout=subprocess.DEVNULL, stderr=-3)
     mark = next(iter(f"wait-export-{path.name}" for path in study.files("sub-a*_sets.vtu")))
@@ -180,7 +180,7 @@ def test_a_full_disk_and_one_that_cannot_be_written_to(study, small_disk):
 
 def test_outputs_that_are_seen_late_are_waited_for(study):
     before = sums(study.folder, "sub-a*")
-    study.config["export"] = {"uncertified": True}  # another parameter, the same result
+    study.config["export"] = {"carp_unit": "mm"}  # another parameter, the same result
     done = study.run("--forcerun", "clean", "--", "meshes", env=sabotaged(study, late=[("*", "sub-a")]))
     assert done.returncode == 0, done.stdout + done.stderr
     assert len(list((study.folder / "sabotage").glob("late-*"))) > 3

@@ -7,6 +7,7 @@ import pytest
 from shapes import ball_surface
 
 import cortet
+from cortet.cli import main
 from cortet.config import load
 from cortet.errors import InputError
 from cortet.formats.gifti import write_surface
@@ -37,6 +38,18 @@ def test_a_brain_without_its_front_is_not_certified_and_one_without_its_medial_w
         assert certificate.verdict == f"certified, {check.value:.0%} of the surface repaired".replace("%", " %", 1)
     else:
         assert "fraction of the area of the surface that repair made or dropped" in certificate.reasons[0]
+
+
+def test_a_mesh_of_a_surface_that_was_repaired_before_says_so(tmp_path):
+    """The repaired file has no flaw, and the mesh of it was "certified" without a word."""
+    write_surface(without_a_cap_of(0.05), broken := tmp_path / "broken.surf.gii")
+    mended = tmp_path / "mended.surf.gii"
+    assert main(["repair", str(broken), "-o", str(mended)]) == 0
+    at_once = meshed(broken)
+    assert meshed(mended).certificate.verdict == at_once.certificate.verdict
+    assert at_once.certificate.verdict.endswith("of the surface repaired")
+    write_surface(BALL, mended)
+    assert meshed(mended).certificate.verdict == "certified", "another surface under its name"
 
 
 def test_what_repair_invents_is_measured():

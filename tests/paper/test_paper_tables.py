@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from cubes import cube_mesh
 
+from cortet.formats.certificates import SCHEMA, sealed
 from cortet.measure.checks import Number, checked
 from cortet.measure.quality import summarise
 from cortet.paper.ablation import ablation_table
@@ -96,9 +97,7 @@ def test_a_mesh_that_is_missing_or_not_certified_says_why(table_of, tmp_path):
     for case, limit in (("a", 0.6), ("b", 0.8)):
         check = asdict(checked(Number("worst_q", 0.7, limit, "use a smaller cell size")))
         file = tmp_path / f"{case}.json"
-        verdict = {"schema": 1, "certified": check["passed"], "checks": [check]}
-        parts = {"reasons": [], "remarks": [], "regions": [], "quality": {}, "parameters": {}, "reports": {}}
-        file.write_text(json.dumps(verdict | parts))
+        file.write_text(json.dumps(sealed({"schema": SCHEMA, "certified": check["passed"], "checks": [check]})))
         certificates[str(file)] = at(case)
     missing = {at("c"): "generate: too fine"}
     ages = AGES | {"sub-c": 40.0}
