@@ -11,6 +11,7 @@ rule generate:
         surface=INPUTS.meshed_surface,
         inner=INPUTS.inner_surfaces,
         fields=INPUTS.fields if CONFIG.generate.size_field else [],  # other fields do not make S1 run again
+        electrodes=by_content(existing_of(SOURCES.electrode_paths)),
     output:
         **mesh_of("generate"),
     log:
@@ -24,6 +25,8 @@ rule generate:
         **asked("generate"),
     params:
         **stage_params("generate"),
+        paths=derived(SOURCES.electrode_paths),
+        to_mm=derived(SOURCES.placement),
     script:
         "../scripts/mesh_stage.py"
 
@@ -168,6 +171,7 @@ rule solver_ready:
         inner=INPUTS.inner_surfaces,
         fields=INPUTS.fields,
         source=by_content(SOURCES.surface),
+        electrodes=by_content(existing_of(SOURCES.electrode_paths)),
         gated=LAYOUT.surface("gated"),
         reports=lambda wildcards: [one.path for one in JOBS.reports(wildcards)[:-1]],  # the last one is its own
     output:
@@ -185,6 +189,7 @@ rule solver_ready:
         names_of_fields=names_of("fields"),
         limits=lambda wildcards: INPUTS.setting(wildcards).certify.values(),
         layers=CONFIG.export.layers,
+        paths=derived(SOURCES.electrode_paths),
         line=JOBS.recorded_line,
         of_reports=derived(JOBS.of_reports),
         to_mm=SOURCES.placement,

@@ -38,6 +38,8 @@ from cortet.formats import child
 from cortet.formats.ownership import delete_abandoned
 
 if TYPE_CHECKING:
+    from cortet.formats.electrodes import Contact
+    from cortet.meshes import TriSurface
     from cortet.stages.stage import State
 
 logger = logging.getLogger("cortet")
@@ -60,15 +62,23 @@ class Job:
         surface = gifti.read_nested(self.input.surface, self.input.inner, self.input.get("fields"))
         return State(surface, mesh=vtu.read(self.input.mesh)) if self.input.get("mesh") else State(surface)
 
-    def through(self, state: State) -> tuple[State, dict[str, dict[str, Any]]]:
-        """Take a state through the stages of the job; returns also their reports, by stage."""
+    def contacts(self, surface: TriSurface) -> tuple[Contact, ...]:
+        """The contacts of electrodes of the case, in the coordinates of the surface that is meshed."""
+        from cortet.formats.electrodes import contacts_of
+
+        file = self.params.get("paths", {}).get("electrodes")
+        return contacts_of(file, surface.frame, self.params.to_mm) if file else ()
+
+    def through(self, state: State, **known: Any) -> tuple[State, dict[str, dict[str, Any]]]:
+        """Take a state through the stages of the job; returns also their reports by stage. `known` is about it."""
         from cortet.config import Config
         from cortet.stages import STAGES
         from cortet.stages.stage import About
 
         reports = {}
         for name, step in self.params.steps.items():
-            state, reports[name] = STAGES[name].run(state, Config(**step["settings"]), About(**step["about"]))
+            about = About(**step["about"], **known)
+            state, reports[name] = STAGES[name].run(state, Config(**step["settings"]), about)
         return state, reports
 
     def require_unchanged_input(self) -> None:

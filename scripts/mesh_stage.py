@@ -8,9 +8,11 @@ job = start(snakemake)
 
 from cortet.formats import carp, vtu
 from cortet.formats.atomic import write_json
+from cortet.measure.electrodes import around_contacts
 from cortet.measure.quality import summarise
 
-state, reports = job.through(job.state())
+state = job.state()
+state, reports = job.through(state, contacts=around_contacts(job.contacts(state.surface), state.surface))
 vtu.write(state.mesh, job.output.mesh)
 if files := job.output.get("carp"):
     carp.write(replace(state.mesh, point_data={}), files[0])

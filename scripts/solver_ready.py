@@ -16,7 +16,8 @@ from cortet.formats import gifti, vtu
 from cortet.formats.atomic import write_json
 from cortet.formats.certificates import sealed
 from cortet.formats.placement import placed
-from cortet.measure.certify import certify
+from cortet.measure.certify import certify, with_contacts
+from cortet.measure.electrodes import with_electrodes
 
 reports: dict[str, Any] = {}
 for path, (stage, rule, inner, made_from) in zip(job.input.reports, job.params.of_reports, strict=True):
@@ -30,7 +31,8 @@ for path, (stage, rule, inner, made_from) in zip(job.input.reports, job.params.o
     else:
         reports[stage] = report
 state, made = job.through(job.state())
-mesh = state.mesh
+inner, layers = state.surface.inner, job.params.layers
+mesh, contacts = with_electrodes(state.mesh, job.contacts(state.surface), inner, layers)
 if reports.get("repair", {}).get("repaired"):  # the file lacks what repair made
     native = gifti.read_surface(job.input.gated)
 else:
@@ -45,8 +47,9 @@ certificate = certify(
     source=job.input.source,
     parameters=job.params.line,
     reports=reports | made,
-    layers=job.params.layers,
+    layers=layers,
 )
+certificate = with_contacts(certificate, mesh, contacts)
 vtu.write(mesh, job.output.mesh)
 write_json(job.record(made["solver_ready"]), job.output.report)
 write_json(job.record(asdict(certificate.quality)), job.output.quality)

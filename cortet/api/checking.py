@@ -7,12 +7,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from cortet.api.files import NO_FILES, filling, known_repair, known_size
+from cortet.api.files import NO_FILES, filling, known_electrodes, known_repair, known_size
 from cortet.api.given import Settings, SurfaceLike, cortex, sections
 from cortet.api.meshing import Mesh
 from cortet.config import load
 from cortet.formats.placement import placed
-from cortet.measure.certify import Certificate
+from cortet.measure.certify import Certificate, with_contacts
 from cortet.measure.certify import certify as checked
 from cortet.meshes import TetMesh, TriSurface
 from cortet.solver_files.sidecar import read_sidecar
@@ -57,7 +57,7 @@ def certify(
     if filled.inner and cell_size is not None and source is not None and str(source) == str(shape):
         filled, _report = separate(filled, cell_size=cell_size)  # not as it was meshed: move surfaces apart as then
     size = known_size(made) if cell_size is None else cell_size
-    return checked(
+    found = checked(
         mesh,
         filled,
         config.certify,
@@ -68,6 +68,7 @@ def certify(
         reports=known_repair(made, source),
         layers=_layers_of(made),
     )
+    return with_contacts(found, mesh, known_electrodes(made, mesh))
 
 
 def _layers_of(made: TetMesh | Mesh | str | Path) -> Sequence[float] | None:

@@ -15,20 +15,29 @@ from cortet.api.meshing import Mesh, teller, tetrahedra
 from cortet.config import Config, load
 from cortet.errors import InputError, counted
 from cortet.formats.gifti import read_surface
-from cortet.formats.hashing import input_sha256
+from cortet.formats.hashing import input_sha256, mesh_sha256
 from cortet.formats.ownership import guarded
 from cortet.formats.placement import placed
 from cortet.geometry.filling import require_body
 from cortet.geometry.kernel_cache import require_threads
 from cortet.geometry.nesting import nested
 from cortet.geometry.topology import edges
-from cortet.measure.certify import certify
+from cortet.measure.certify import certify, with_contacts
+from cortet.measure.electrodes import ElectrodeRecord
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import REGION, IntArray, TetMesh, TriSurface, region_names
 from cortet.pipeline import Step
 from cortet.pipeline import improve as improved
 from cortet.solver_files import export
-from cortet.solver_files.meshed import Origin, cell_size_of, meshed_surface, parameters_of, repair_of
+from cortet.solver_files.meshed import (
+    Origin,
+    cell_size_of,
+    certificate_beside,
+    electrodes_of,
+    meshed_surface,
+    parameters_of,
+    repair_of,
+)
 from cortet.solver_files.sets import OF_ARRAYS, require_same_regions, with_regions
 from cortet.solver_files.sidecar import changed_since, read_sidecar
 from cortet.stages.gate import require_size
@@ -79,6 +88,7 @@ def read(path: str | Path, shape: SurfaceLike | None = None, cell_size: float | 
         parameters=stages,
         reports=known_repair(file, source),
     )
+    certificate = with_contacts(certificate, mesh, known_electrodes(file, mesh))
     return _known(Mesh(mesh, certificate, filled, config=config), file, source)
 
 
@@ -259,6 +269,20 @@ def known_repair(made: TetMesh | Mesh | str | Path, source: Path | None) -> dict
     else:
         found = repair_of(Path(made), source) if isinstance(made, str | Path) else None
     return {"repair": found} if found else {}
+
+
+def known_electrodes(made: TetMesh | Mesh | str | Path, mesh: TetMesh) -> tuple[ElectrodeRecord, ...]:
+    """The contacts of electrodes on a mesh, as far as they are known; of a file by the certificate beside it.
+
+    Parameters
+    ----------
+    mesh : the nodes and tetrahedra of `made`
+    """
+    if isinstance(made, Mesh):
+        return made.certificate.electrodes
+    if isinstance(made, TetMesh) or certificate_beside(Path(made)).get("mesh_sha256") != mesh_sha256(mesh):
+        return ()
+    return electrodes_of(Path(made))
 
 
 def known_size(made: TetMesh | Mesh | str | Path) -> float | None:

@@ -44,8 +44,8 @@ from cortet.geometry.interpolation import applied
 from cortet.geometry.kernel_cache import require_threads
 from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested, sheets
-from cortet.measure.certify import with_remarks
-from cortet.measure.electrodes import ElectrodeRecord, around_contacts, electrode_remarks, with_electrodes
+from cortet.measure.certify import with_contacts, with_remarks
+from cortet.measure.electrodes import ElectrodeRecord, around_contacts, with_electrodes
 from cortet.measure.layers import require_layers
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, by_region, region_names, require_measurable
@@ -458,12 +458,12 @@ def mesh(
     )
     filled, rows = with_volumes(made.mesh, images, frame=in_mm.frame, background=background)
     filled, records = with_electrodes(filled, contacts, in_mm.inner, config.export.layers)
-    large = [one.sentence for one in background if one.large] + electrode_remarks(filled, records)
+    large = [one.sentence for one in background if one.large]
     image_files = [volume.file for volume in images.values()]
     read_from = (source, _file(sphere), *inner_files.values(), *field_files.values(), *image_files, _file(electrodes))
     return Mesh(
         filled,
-        with_remarks(replace(made.certificate, electrodes=records), large),
+        with_contacts(with_remarks(made.certificate, large), filled, records),
         made.surface,
         origin,
         config,

@@ -14,10 +14,11 @@ from typing import Any
 
 from cortet.cohort.layout import LABELS, Wildcards, filled, inner_of, region_wildcard
 from cortet.cohort.plan import Plan
-from cortet.cohort.sheet import PHANTOM, Case, column_of
+from cortet.cohort.sheet import ELECTRODES, PHANTOM, Case, column_of
 from cortet.cohort.user_files import content
 from cortet.config import Config
 from cortet.errors import InputError
+from cortet.formats.electrodes import coordinate_system
 from cortet.formats.volumes import label_table, volume_file
 from cortet.meshes import by_region
 from cortet.stages import STAGES, stages_of
@@ -53,16 +54,25 @@ class Sources:
     def paths(self, job: Wildcards) -> dict[str, str]:
         """The user's files from which a job makes its result, by their columns in the sheet, without fields.
 
-        A job on one surface has the files of that surface, a job on a mesh those of all surfaces of the case.
+        A job on one surface has the files of that surface, a job on a mesh those of all surfaces of the case, and those
+        of its contacts.
         """
         case = self.case(job)
         named: dict[str, Any] = {"surface": case.surface} | {f"inner_{name}": path for name, path in case.inner.items()}
         if not job.get("res"):
             own = f"inner_{inner_of(job)}" if inner_of(job) else "surface"
             named = {own: named[own]}
+        else:
+            named |= self.electrode_paths(job)
         if self.is_resampled(job):
             named |= {"sphere": case.sphere, "template": self._template(case)}
         return {name: str(path) for name, path in named.items() if path not in (None, PHANTOM)}
+
+    def electrode_paths(self, job: Wildcards) -> dict[str, str]:
+        """The table of the contacts of a case and the file of their coordinate system; empty without contacts."""
+        table = self.case(job).electrodes
+        system = coordinate_system(table) if table else None
+        return {name: str(path) for name, path in {ELECTRODES: table, "coordsystem": system}.items() if path}
 
     def field_paths(self, job: Wildcards) -> dict[str, str]:
         """The files of the fields of a case, by name."""

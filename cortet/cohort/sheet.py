@@ -39,10 +39,12 @@ VOLUME_PREFIX = "volume_"
 INNER, INNER_PREFIX, WHITE = "inner", "inner_", "white"
 #: column of the sphere through which a surface is resampled
 SPHERE = "sphere"
+#: column of the table of contacts, `*_electrodes.tsv`
+ELECTRODES = "electrodes"
 #: columns for coordinates that are not mm (`gate.unit`), and for a cell size of its own
 UNIT, CELL_SIZE = "unit", "cell_size"
 #: columns that name one file
-_FILES = ("surface", INNER, SPHERE)
+_FILES = ("surface", INNER, SPHERE, ELECTRODES)
 #: most characters of a label: a file name holds two labels and more, and has at most 255 characters
 LONGEST_LABEL = 40
 
@@ -81,6 +83,8 @@ class Case:
     inner: Mapping[str, Path | str] = field(default_factory=dict)
     #: sphere of `surface`, or `PHANTOM`; None if there is none
     sphere: Path | str | None = None
+    #: table of contacts of electrodes; None if there is none
+    electrodes: Path | None = None
     #: unit of the coordinates; None: as the configuration says
     unit: str | None = None
     #: cell size, mm; None: those of the configuration
@@ -101,8 +105,8 @@ class Case:
 
     @property
     def files(self) -> list[Path]:
-        """All surfaces and fields that the row names."""
-        named = [self.surface, self.sphere, *self.inner.values(), *self.fields.values()]
+        """All surfaces, fields and contacts that the row names."""
+        named = [self.surface, self.sphere, self.electrodes, *self.inner.values(), *self.fields.values()]
         return [file for file in named if isinstance(file, Path)]
 
     @property
@@ -206,6 +210,7 @@ def _row(case: Case, folder: Path) -> dict[str, str | float | None]:
         "surface": case.surface,
         **{column_of(name): file for name, file in case.inner.items()},
         **({SPHERE: case.sphere} if case.sphere else {}),
+        **({ELECTRODES: case.electrodes} if case.electrodes else {}),
         **{FIELD_PREFIX + name: file for name, file in case.fields.items()},
         **{VOLUME_PREFIX + name: file for name, file in case.volumes.items()},
     }
@@ -341,7 +346,7 @@ def _case(row: Mapping[str, str], folder: Path) -> Case:
         return {column.removeprefix(prefix): _located(value, folder) for column, value in own.items()}
 
     inner = {region: _located(value, folder) for name, value in given.items() if (region := _region(name))}
-    alone = {name: _located(given[name], folder) for name in _FILES if name in given}
+    alone: dict[str, Any] = {name: _located(given[name], folder) for name in _FILES if name in given}
     include = row["include"].lower() in YES
     return Case(
         participant=row["participant_id"].removeprefix("sub-"),
@@ -355,6 +360,7 @@ def _case(row: Mapping[str, str], folder: Path) -> Case:
         volumes={name: str(file) for name, file in located(VOLUME_PREFIX).items()},
         inner=inner,
         sphere=alone.get(SPHERE),
+        electrodes=alone.get(ELECTRODES),
         unit=given.get(UNIT),
         cell_size=number(row.get(CELL_SIZE, "n/a")),
         extra={name: value for name, value in row.items() if not _is_known(name)},

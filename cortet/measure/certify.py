@@ -48,7 +48,7 @@ from cortet.measure.checks import (
     smaller_cells,
     topology_numbers,
 )
-from cortet.measure.electrodes import ElectrodeRecord
+from cortet.measure.electrodes import ElectrodeRecord, electrode_remarks
 from cortet.measure.fidelity import Fidelity, Native, fidelity, native_record
 from cortet.measure.layers import LayerRecord, layer_records
 from cortet.measure.lost import LostPlace, lost_places
@@ -318,6 +318,11 @@ def _places(mesh: TetMesh, found: Certificate, limits: Certify, lost: Sequence[L
 def with_remarks(certificate: Certificate, more: Sequence[str]) -> Certificate:
     """The certificate with sentences on what was found beside the mesh, such as in its volumes."""
     return replace(certificate, remarks=(*certificate.remarks, *more))
+
+
+def with_contacts(certificate: Certificate, mesh: TetMesh, records: Sequence[ElectrodeRecord]) -> Certificate:
+    """The certificate with the contacts of its mesh, as `with_electrodes` gives both, and remarks on them."""
+    return with_remarks(replace(certificate, electrodes=tuple(records)), electrode_remarks(mesh, records))
 
 
 def versions(reports: Mapping[str, Any]) -> dict[str, str]:

@@ -7,7 +7,7 @@ finite elements; and the field times a potential is the mean potential below the
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -16,7 +16,9 @@ from cortet.errors import InputError, counted, place_mm
 from cortet.formats.electrodes import Contact
 from cortet.geometry.closest_point import closest_points, tree_of
 from cortet.geometry.containing import containing
-from cortet.geometry.discs import disc
+from cortet.geometry.discs import Disc, disc
+from cortet.geometry.interpolation import is_label
+from cortet.geometry.limits import CELL_SIZE_MM
 from cortet.geometry.mending import measurable
 from cortet.geometry.topology import TRI_EDGES, boundary, boundary_surface
 from cortet.geometry.winding import winding_numbers
@@ -46,17 +48,19 @@ class ElectrodeRecord:
     location_mm: tuple[float, float, float]
     #: from the given coordinates
     moved_mm: float
-    #: None for a point, as are the next four
-    radius_mm: float | None
-    #: along the boundary, and of a plane circle
-    area_mm2: float | None
-    nominal_area_mm2: float | None
-    #: over the mean edge of the faces that the disc touches
-    radius_over_edge: float | None
     #: faces that it touches; 0 for a point in a tetrahedron
     faces: int
     #: where it lies; None for a mesh of a single region
     region: str | None
+    #: None for a point, as are the next three
+    radius_mm: float | None = None
+    #: along the boundary, and of a plane circle
+    area_mm2: float | None = None
+    nominal_area_mm2: float | None = None
+    #: over the mean edge of the faces that the disc touches
+    radius_over_edge: float | None = None
+    #: by name of an integer field or volume: the label with most of the contact, or of the tetrahedron below it
+    labels: dict[str, int] = field(default_factory=dict)
     #: equivolumetric depth in the cortex and number of the layer there, if layers are asked for
     depth: float | None = None
     layer: int | None = None
@@ -76,21 +80,28 @@ def seated(contacts: Sequence[Contact], surface: TriSurface) -> FloatArray:
     whole, given = measurable(surface), np.array([contact.point for contact in contacts])
     nearest = closest_points(tree_of(whole), given)
     outside = np.abs(winding_numbers(whole, given)) < 0.5
-    for contact, distance, out in zip(contacts, nearest.distances.tolist(), outside.tolist(), strict=True):
-        if out and distance > MOST_MOVED:
-            raise InputError(
-                f"electrode {contact.name} at {place_mm(contact.point)} lies {distance:.1f} mm outside the surface, "
-                f"more than {MOST_MOVED:g} mm",
-                remedy="give coordinates in the space and unit of the surface, or leave the contact out",
-            )
+    if far := np.flatnonzero(outside & (nearest.distances > MOST_MOVED)).tolist():
+        one = contacts[far[0]]
+        raise InputError(
+            f"electrode {one.name} at {place_mm(one.point)} lies {nearest.distances[far[0]]:.1f} mm outside the "
+            f"surface, more than {MOST_MOVED:g} mm{_too([contacts[other].name for other in far[1:]])}",
+            remedy="give coordinates in the space and unit of the surface, or leave the contacts outside out",
+        )
     moves = [_is_seated(*one) for one in zip(contacts, nearest.distances.tolist(), outside.tolist(), strict=True)]
     points = np.where(np.array(moves)[:, None], nearest.points, given)
-    for first, second, distance in _overlaps(contacts, points):
+    if pairs := list(_overlaps(contacts, points)):
+        (first, second, distance), *others = pairs
         raise InputError(
-            f"electrodes {first} and {second} overlap: their centres are {distance:.2g} mm apart",
+            f"electrodes {first} and {second} overlap: on or in the mesh their centres are {distance:.3g} mm apart"
+            f"{_too([f'{one} and {other}' for one, other, _ in others])}",
             remedy="correct their coordinates or radii, or leave one out",
         )
     return points
+
+
+def _too(others: Sequence[str]) -> str:
+    """The end of a sentence that holds for others, too."""
+    return f"; likewise {', '.join(others)}" if others else ""
 
 
 def around_contacts(contacts: Sequence[Contact], surface: TriSurface) -> tuple[tuple[float, float, float, float], ...]:
@@ -128,7 +139,8 @@ def with_electrodes(
     records = []
     for number, contact in enumerate(contacts):
         name, load, cell = f"{ELECTRODE}{contact.name}", np.zeros(len(mesh.points)), int(cells[number])
-        location, about = given[number], _of_point()
+        location = given[number]
+        about: dict[str, Any] = {"kind": "point", "faces": 0}
         if _is_seated(contact, float(nearest.distances[number]), cell < 0):
             location, face, at = nearest.points[number], int(nearest.faces[number]), nearest.barycentric[number]
             cell = int(boundary(mesh).cells[face])
@@ -138,7 +150,7 @@ def with_electrodes(
                 found = disc(outer, face, at, contact.radius)
                 load[:] = 0
                 load[nodes[found.vertices]], touched = found.loads, found.faces
-                about = _of_disc(outer, found.faces, found.area, contact.radius)
+                about = _of_disc(outer, found, contact.radius)
             faces[name] = nodes[outer.faces[touched]]
             about["faces"] = len(touched)
         else:
@@ -152,6 +164,7 @@ def with_electrodes(
                 location_mm=(x, y, z),
                 moved_mm=float(np.linalg.norm(location - given[number])),
                 region=names[mesh.cell_data[REGION][cell] - 1] if len(names) > 1 else None,
+                labels=_labels(mesh, fields[name], cell),
                 **about,
                 **depths(fields[name], cell),
             )
@@ -170,8 +183,8 @@ def electrode_remarks(mesh: TetMesh, records: Sequence[ElectrodeRecord]) -> list
     told = []
     made, coarse = mesh.point_data.get(FILLED), []
     for one in records:
-        load = mesh.point_data[f"{ELECTRODE}{one.name}"]
-        if made is not None and (share := float(load[made > 0].sum())) > 0:
+        load = mesh.point_data.get(f"{ELECTRODE}{one.name}")
+        if made is not None and load is not None and (share := float(load[made > 0].sum())) > 0:
             told.append(f"electrode {one.name}: {share:.0%} of it lies on a part of the surface that repair made")
         if one.area_mm2 is None or one.nominal_area_mm2 is None or one.radius_over_edge is None:
             continue
@@ -182,9 +195,11 @@ def electrode_remarks(mesh: TetMesh, records: Sequence[ElectrodeRecord]) -> list
             coarse.append((one.radius_over_edge, one.radius_mm or 0.0, one.name))
     if coarse:
         least, others = min(coarse), f" and {counted(len(coarse) - 1, 'other')}" if len(coarse) > 1 else ""
+        size = _FINE * min(radius for _, radius, _ in coarse)
+        remedy = f"a cell size of {size:.2g} mm" if size >= CELL_SIZE_MM[0] else "a point: leave the radius out"
         told.append(
-            f"electrode {least[2]}{others}: the radius is {least[0]:.1f} edges of the mesh or more, too few for the "
-            f"field right below (remedy: a cell size of {_FINE * min(radius for _, radius, _ in coarse):.2g} mm)"
+            f"electrode {least[2]}{others}: only {least[0]:.2g} edges of the mesh span the radius, too few for the "
+            f"field right below (remedy: {remedy})"
         )
     contacts = [Contact(one.name, one.location_mm, one.radius_mm) for one in records]
     points = np.array([one.location_mm for one in records]).reshape(-1, 3)
@@ -208,17 +223,25 @@ def _overlaps(contacts: Sequence[Contact], points: FloatArray) -> Iterable[tuple
             yield contacts[first].name, contacts[first + 1 + second].name, float(distance[second])
 
 
-def _of_point() -> dict[str, Any]:
-    none = dict.fromkeys(("radius_mm", "area_mm2", "nominal_area_mm2", "radius_over_edge"))
-    return {"kind": "point", "faces": 0, **none}
-
-
-def _of_disc(surface: TriSurface, faces: IntArray, area: float, radius: float) -> dict[str, Any]:
-    ends = surface.points[surface.faces[faces][:, TRI_EDGES]]
+def _of_disc(surface: TriSurface, found: Disc, radius: float) -> dict[str, Any]:
+    ends = surface.points[surface.faces[found.faces][:, TRI_EDGES]]
     edge = float(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).mean())
-    nominal = float(np.pi * radius**2)
-    numbers = {"radius_mm": radius, "area_mm2": area, "nominal_area_mm2": nominal, "radius_over_edge": radius / edge}
-    return {"kind": "disc", **numbers}
+    areas = {"area_mm2": found.area, "nominal_area_mm2": float(np.pi * radius**2)}
+    return {"kind": "disc", "radius_mm": radius, **areas, "radius_over_edge": radius / edge}
+
+
+def _labels(mesh: TetMesh, load: FloatArray, cell: int) -> dict[str, int]:
+    """The labels at a contact, from its loads and its tetrahedron."""
+    there, found = np.flatnonzero(load), {}
+    for name, values in (mesh.cell_data | mesh.point_data).items():
+        if name in (REGION, FILLED) or values.ndim != 1 or not is_label(values):
+            continue
+        if name in mesh.point_data:
+            known, numbers = np.unique(values[there], return_inverse=True)
+            found[name] = int(known[np.bincount(numbers, load[there]).argmax()])
+        else:
+            found[name] = int(values[cell])
+    return found
 
 
 def _depths(mesh: TetMesh, inner: list[str], layers: Sequence[float] | None) -> Any:

@@ -43,6 +43,18 @@ LAYER_COLUMNS = (
     Column("cut", "Fraction of them that lie partly in another layer", heading="in several layers", form=".1%"),
 )
 
+#: columns of the table of contacts: the fields of `measure.electrodes.ElectrodeRecord`
+CONTACT_COLUMNS = (
+    Column("name", "Contact of an electrode", heading="contact"),
+    Column("moved_mm", "Distance from the given coordinates", units="mm", heading="moved, mm", form=".2f"),
+    Column("area_mm2", "Area of the disc along the boundary", units="mm2", heading="area, mm²", form=".2f"),
+    Column("nominal_area_mm2", "Area of a plane circle", units="mm2", heading="nominal, mm²", form=".2f"),
+    Column("radius_over_edge", "Edges that span the radius", heading="edges per radius", form=".1f"),
+    Column("depth", "Equivolumetric depth, 0 pial and 1 white", heading="depth", form=".2f"),
+    Column("region", "Region below the contact", heading="region"),
+    Column("labels", "Label at the contact, by field", heading="labels"),
+)
+
 
 class Checked(NamedTuple):
     """What the page of a mesh, certified or not, shows."""
@@ -184,6 +196,7 @@ def _panels(of: Checked) -> list[Panel]:
         Panel("remarks", "Remarks", [("points", remarks)] if remarks else []),
         Panel("sections", "Sections", _sections(of)),
         Panel("layers", "Layers of the cortex", _layers(of)),
+        Panel("contacts", "Contacts of electrodes", _contacts(of)),
         Panel("pictures", "Surface and mesh", _surface_and_mesh(of)),
         Panel("tissues", "In the volume", _tissues(of)),
         Panel("resampled", "On the common mesh", _resampled(of)),
@@ -232,6 +245,15 @@ def _layers(of: Checked) -> list[Part]:
     inner, bounds = of.meshed.inner, np.array([0, *(layer["depth"][1] for layer in layers if layer["number"])])
     table = pages.table("Layers from the pial to the white surface", headed(LAYER_COLUMNS), rows)
     return [table, *pictures.shown(lambda: pictures.of_layers(of.mesh, inner, bounds))]
+
+
+def _contacts(of: Checked) -> list[Part]:
+    """The contacts that the certificate has."""
+    rows = [
+        {**one, "labels": ", ".join(f"{name} {label}" for name, label in one.get("labels", {}).items())}
+        for one in of.certificate.get("electrodes", ())
+    ]
+    return [pages.table("Contacts on the mesh", headed(CONTACT_COLUMNS), rows)] if rows else []
 
 
 def _tissues(of: Checked) -> list[Part]:

@@ -12,12 +12,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from pydantic import TypeAdapter, ValidationError
+
 from cortet.errors import DamagedFileError, InputError
 from cortet.formats.certificates import certificate_of
 from cortet.formats.gifti import hemisphere_of, kind_of, read_surface, write_surface
 from cortet.formats.hashing import input_sha256
 from cortet.formats.ownership import json_of, mesh_of
 from cortet.geometry.nesting import nested, sheets
+from cortet.measure.electrodes import ElectrodeRecord
 from cortet.meshes import BRAIN, OUTERMOST, TriSurface, region_names
 from cortet.solver_files.sidecar import read_sidecar, sidecar_path
 from cortet.solver_files.volumes import sources
@@ -116,6 +119,17 @@ def certificate_beside(mesh: Path) -> dict[str, Any]:
     """Content of `certificate_file`; empty without one, or if the sidecar says that it is of another mesh."""
     found = json_of(certificate_file(mesh))
     return found if mesh_of(sidecar_path(mesh)) in (None, found.get("mesh_sha256")) else {}
+
+
+def electrodes_of(mesh: Path) -> tuple[ElectrodeRecord, ...]:
+    """The contacts of electrodes on a mesh, by `certificate_beside`; DamagedFileError if they have another form."""
+    try:
+        return TypeAdapter(tuple[ElectrodeRecord, ...]).validate_python(
+            certificate_beside(mesh).get("electrodes") or ()
+        )
+    except ValidationError as error:
+        what = "cannot be read as a certificate: its electrodes have another form"
+        raise DamagedFileError(what, file=certificate_file(mesh)) from error
 
 
 def why_uncertified(mesh: Path) -> list[str]:

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import json
+import shutil
+import subprocess
 from pathlib import Path
 
 import meshio
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.sparse.linalg import spsolve
 from shapes import ball_surface
 
 import cortet
 from cortet.cli import main
-from cortet.errors import InputError
+from cortet.errors import DamagedFileError, InputError
 from cortet.formats import read_mesh
 from cortet.formats.gifti import write_surface
 from cortet.geometry.quadratic import quadratic
+from cortet.measure.harmonic import stiffness
 from cortet.solver_files.ten_nodes import write_ten_nodes
 
 CONTACTS = {"A1": (0, 0, 14.5, 3.0), "B1": (2.0, 1.0, -3.0)}
+#: A, into each contact
+CURRENTS = {"A1": 1e-3, "A2": -0.7e-3, "A3": -0.3e-3}
 #: fields that sum to one, and sets
 NAMES = ["electrode_A1", "electrode_B1"]
 
@@ -55,11 +61,58 @@ def test_a_file_keeps_loads_and_sets_when_it_is_read_and_saved_again(made, tmp_p
     assert len(back.sets.cells["electrode_B1"]) == 1
 
 
+def test_a_file_that_is_read_or_checked_again_keeps_the_table_of_its_contacts(made, tmp_path):
+    file = made.save(tmp_path / "x.vtu")
+    expected = made.certificate.electrodes
+    again = cortet.read(file)
+    assert (
+        again.certificate.electrodes == cortet.certify(file).electrodes == cortet.certify(made).electrodes == expected
+    )
+    assert [one for one in made.certificate.remarks if "electrode" in one] == list(again.certificate.remarks)
+    again.save(tmp_path / "y.vtu")
+    assert json.loads((tmp_path / "y.certificate.json").read_text())["electrodes"][0]["name"] == "A1"
+    cortet.mesh(ball_surface(4, radius=14.0), 4.0, progress=False).save(tmp_path / "z.vtu")
+    (tmp_path / "z.certificate.json").write_text((tmp_path / "x.certificate.json").read_text())
+    assert cortet.read(tmp_path / "z.vtu").certificate.electrodes == (), "contacts of another mesh"
+
+
+def test_a_certificate_whose_contacts_were_damaged_is_refused_by_its_name(made, tmp_path):
+    file = made.save(tmp_path / "x.vtu")
+    certificate = json.loads((tmp_path / "x.certificate.json").read_text())
+    for damage in ({"faces": "many"}, {"location_mm": [1]}):
+        electrodes = [{**certificate["electrodes"][0], **damage}]
+        (tmp_path / "x.certificate.json").write_text(json.dumps({**certificate, "electrodes": electrodes}))
+        with pytest.raises(DamagedFileError, match="x.certificate.json.*electrodes"):
+            cortet.read(file)
+
+
 def test_abaqus_has_the_faces_of_a_disc_and_the_loads_of_all(made, tmp_path):
     made.save(tmp_path / "x.inp")
     text = (tmp_path / "x.inp").read_text()
     assert "*SURFACE, TYPE=ELEMENT, NAME=electrode_A1" in text and "*ELSET, ELSET=electrode_B1" in text
     assert len([line for line in (tmp_path / "x_fields.inp").read_text().splitlines() if line.startswith("*INIT")]) == 2
+
+
+@pytest.mark.skipif(not shutil.which("ccx"), reason="calculix-ccx is not installed")
+def test_calculix_solves_for_the_potential_of_a_current_between_two_contacts(tmp_path):
+    near = {"A1": (0, 1.2, 14, 1.1), "A2": (0, -1.2, 14, 1.1), "A3": (9, 0, 9)}  # the first two share nodes
+    made = cortet.mesh(ball_surface(4, radius=14.0), 3.0, electrodes=near, progress=False)
+    made.save(tmp_path / "x.inp")
+    mesh = made.named()
+    current = sum(ampere * mesh.point_data[f"electrode_{name}"] for name, ampere in CURRENTS.items())
+    lines = ["*INCLUDE, INPUT=x.inp", "*MATERIAL, NAME=all", "*CONDUCTIVITY", "0.33e-3"]
+    lines += ["*SOLID SECTION, ELSET=all_elements, MATERIAL=all", "*STEP", "*HEAT TRANSFER, STEADY STATE", "1., 1."]
+    lines += ["*BOUNDARY", "1, 11, 11, 0.", "*CFLUX"]
+    lines += [f"{node + 1}, 11, {current[node]:.12g}" for node in np.flatnonzero(current)]
+    lines += ["*NODE PRINT, NSET=all_nodes", "NT", "*END STEP"]
+    (tmp_path / "job.inp").write_text("\n".join(lines) + "\n")
+    subprocess.run(["ccx", "job"], cwd=tmp_path, check=True, capture_output=True)
+    rows = [line.split() for line in (tmp_path / "job.dat").read_text().splitlines()]
+    found = np.array([row[1] for row in rows if len(row) == 2 and row[0].isdecimal()], float)
+
+    matrix = 0.33e-3 * stiffness(mesh)
+    expected = np.concatenate([[0], spsolve(matrix[1:, 1:].tocsc(), current[1:])])
+    assert np.abs(found - expected).max() < 1e-4 * np.ptp(expected)
 
 
 def test_ten_node_files_leave_out_loads_which_are_those_of_four_nodes(made, tmp_path):

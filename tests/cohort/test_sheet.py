@@ -36,6 +36,8 @@ ROWS: list[tuple[str, dict[str, str], dict[str, Any]]] = [
     (GOOD, {"cell_size": "1.001"}, {"cell_size": 1.001}),
     (GOOD, {"cell_size": "n/a"}, {"cell_size": None}),
     (GOOD, {"sphere": "a.sphere.gii"}, {"sphere": Path("a.sphere.gii"), "extra": {}}),
+    (GOOD, {"electrodes": "e_electrodes.tsv"}, {"electrodes": Path("e_electrodes.tsv"), "extra": {}}),
+    (GOOD, {"electrodes": "n/a"}, {"electrodes": None}),
     (SYNTHETIC, {"sphere": "phantom", "inner": "phantom"}, {"sphere": "phantom", "inner": {"white": "phantom"}}),
     (GOOD, {"field_thickness": "t.shape.gii"}, {"fields": {"thickness": Path("t.shape.gii")}}),
     (

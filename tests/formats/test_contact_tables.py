@@ -39,6 +39,34 @@ def test_units_of_a_dataset_are_those_that_it_states(tmp_path):
     assert found.point == pytest.approx((10, 20, 30))
 
 
+@pytest.mark.parametrize(("unit", "x"), [("cm", 0.1), ("m", 0.001), ("um", 1000)])
+def test_size_is_in_mm2_whatever_the_unit_of_the_coordinates(tmp_path, unit, x):
+    (found,) = contacts_of(table(tmp_path, f"A1 {x} 0 0 3.14159265", system="Other", unit=unit), HERE)
+    assert (found.point[0], found.radius) == (pytest.approx(1), pytest.approx(1))
+
+
+def test_a_space_that_only_the_name_of_a_table_states_is_refused(tmp_path):
+    file = table(tmp_path, "A1 1 2 3 1").rename(tmp_path / "sub-01_space-MNI152Lin_electrodes.tsv")
+    with pytest.raises(InputError, match="space MNI152Lin"):
+        contacts_of(file, SHIFTED)
+    own = file.rename(tmp_path / "sub-01_space-Other_electrodes.tsv")
+    assert contacts_of(own, SHIFTED)[0].point == (1, 2, 3)
+
+
+def test_a_unit_that_is_no_word_is_refused(tmp_path):
+    file = table(tmp_path, "A1 1 2 3 1", system="Other")
+    (tmp_path / "sub-01_coordsystem.json").write_text(
+        '{"iEEGCoordinateSystem": "Other", "iEEGCoordinateUnits": ["mm"]}'
+    )
+    with pytest.raises(InputError, match="unit .*'mm'"):
+        contacts_of(file, HERE)
+
+
+def test_numbers_are_names_in_memory_as_in_a_file():
+    frame = pd.DataFrame({"name": [1, 2], "x": [1, 2], "y": [0, 0], "z": [0, 0]})
+    assert [one.name for one in contacts_of(frame, HERE)] == ["1", "2"]
+
+
 def test_coordinates_of_the_scanner_are_brought_to_those_of_the_surface(tmp_path):
     file = table(tmp_path, "A1 10 20 30 n/a", system="ScanRAS")
     assert contacts_of(file, SHIFTED)[0].point == pytest.approx((5, 20, 30))
@@ -77,6 +105,8 @@ def test_coordinates_by_name_are_in_the_unit_of_the_surface():
         ("A1 1 2 3 big", "electrode A1 has the radius or size big"),
         ("b1 1 2 3 1", "two contacts have the name B1"),
         ("a/b 1 2 3 1", "'a/b' cannot be the name of a contact"),
+        (f"{'a' * 41} 1 2 3 1", "cannot be the name of a contact .*at most 40"),
+        ("A1 1,5 2 3 1", "coordinates 1,5, 2, 3 .*decimal points"),
     ],
 )
 def test_rows_that_cannot_be_are_refused_with_line_and_value(tmp_path, row, words):
@@ -90,9 +120,13 @@ def test_rows_that_cannot_be_are_refused_with_line_and_value(tmp_path, row, word
         ({"A1": (1, 2)}, r"electrode A1: \(1, 2\) are no coordinates"),
         ({"A1": "1,2,3"}, "are no coordinates"),
         ({"A1": (1, 2, 3, 0)}, "radius or size 0"),
+        ({"A1": {1, 2, 3}}, "are no coordinates"),
+        ({"A1": {"x": 1, "y": 2, "z": 3}}, "are no coordinates"),
         ({}, "no contact"),
         ([1, 2, 3], "list is no table of contacts"),
         (pd.DataFrame({"name": ["A1"], "x": [1]}), "has no column y"),
+        (pd.DataFrame([["A1", 1, 2, 3, 9]], columns=["name", "x", "y", "z", "x"]), "has two columns x"),
+        (pd.DataFrame({"name,x,y,z": ["A1,1,2,3"]}), "has no column name .*separated by tabs"),
     ],
 )
 def test_objects_that_are_no_contacts_are_refused(given, words):

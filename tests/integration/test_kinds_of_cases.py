@@ -97,6 +97,48 @@ def test_the_labels_of_a_volume_are_sets_another_volume_reruns_no_mesh_and_a_bad
     assert study.files("sub-b*Solver_report.html")  # the mesh is certified, and has its page
 
 
+def test_contacts_of_a_case_are_loads_of_its_mesh_other_ones_rerun_it_alone_and_wrong_ones_are_said(study):
+    study.config["generate"] = {"cell_size": [4.0]}  # of the mesher that makes cells smaller
+    first, second = study.cases()
+    top = surface(1).points[surface(1).points[:, 2].argmax()].tolist()
+    file = study.folder / "surfaces/sub-b_electrodes.tsv"
+
+    def contacts(*rows: str) -> None:
+        file.write_text("\n".join(["name\tx\ty\tz\tsize", *(row.replace(" ", "\t") for row in rows)]) + "\n")
+
+    study.write_cases([first, replace(second, electrodes=file)])
+    at = " ".join(f"{value:.3f}" for value in top)
+    contacts(f"A1 {at} 28.3")
+    study.jobs_of_run()
+    assert {row["state"] for row in study.status().values()} == {"certified"}
+    certificate = json.loads(study.files("sub-b*Solver_certificate.json")[0].read_text())
+    (contact,) = certificate["electrodes"]
+    assert (contact["name"], contact["kind"], contact["radius_mm"]) == ("A1", "disc", pytest.approx(3, abs=0.01))
+    made = read_mesh(study.files("sub-b*Solver_sets.vtu")[0])
+    assert made.point_data["electrode_A1"].sum() == pytest.approx(1, abs=1e-12)
+    assert len(made.sets.faces["electrode_A1"]) == contact["faces"]
+    sizes = [json.loads(study.files(f"sub-{name}*Generated_quality.json")[0].read_text())["tets"] for name in "ab"]
+    assert sizes[1] > 1.1 * sizes[0], "its cells are smaller around the contact"
+    shown = ["Contacts" in study.files(f"sub-{name}*Solver_report.html")[0].read_text() for name in "ab"]
+    assert shown == [False, True]
+    file.touch()
+    assert not study.planned_jobs(STATUS)
+
+    contacts(f"A1 {at} 28.3", f"B1 {at.replace(at.split()[2], '0')} n/a")
+    assert {case for _, case in study.jobs_of_run(STATUS)} == {"sub-b", "-"}
+    assert len(json.loads(study.files("sub-b*Solver_certificate.json")[0].read_text())["electrodes"]) == 2
+    system = file.with_name("sub-b_coordsystem.json")
+    system.write_text('{"iEEGCoordinateSystem": "ACPC", "iEEGCoordinateUnits": "mm"}')
+    study.jobs_of_run(STATUS, succeeds=False)
+    row = study.status()["sub-b_hemi-L"]
+    assert row["state"] == "failed" and "space ACPC" in row["reason"]
+    system.unlink()
+    file.unlink()
+    study.jobs_of_run(STATUS, succeeds=False)
+    assert "sub-b_electrodes.tsv" in study.status()["sub-b_hemi-L"]["reason"]
+    assert study.status()["sub-a_hemi-L"]["state"] == "certified"
+
+
 @pytest.fixture
 def spheres(study: Study) -> Study:
     """Three eggs, of which the last two have spheres, the second a field and an inner surface, the third in metres."""

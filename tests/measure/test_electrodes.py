@@ -137,10 +137,27 @@ def test_what_a_user_should_know_is_said_by_name():
     made, records = with_electrodes(mesh, contacts)
     told = electrode_remarks(made, records)
     assert "electrode A1: 100% of it lies on a part of the surface that repair made" in told
-    coarse = [one for one in told if "edges of the mesh or more" in one]
-    assert len(coarse) == 1 and "and 1 other: the radius is" in coarse[0], "one remark for a grid of contacts"
+    coarse = [one for one in told if "edges of the mesh span the radius" in one]
+    assert len(coarse) == 1 and "and 1 other: only" in coarse[0], "one remark for a grid of contacts"
     assert any(one.startswith("electrode B1 touches 1") for one in told)
     assert "electrodes A1 and A2 overlap on the mesh" in told
+
+
+def test_a_contact_too_small_for_any_mesh_is_to_become_a_point():
+    made, records = with_electrodes(shell_mesh(20.0, 10.0, 5), [Contact("A1", (0, 0, 20), 0.01)])
+    (told,) = electrode_remarks(made, records)
+    assert "leave the radius out" in told and "cell size" not in told
+
+
+def test_the_label_at_a_contact_is_the_one_with_most_of_it():
+    mesh = shell_mesh(20.0, 10.0, 5, subdivisions=4)
+    upper = np.where(mesh.points[:, 2] > 0, 7, -2).astype(np.int32)
+    of_cells = np.where(mesh.points[mesh.cells].mean(axis=1)[:, 2] > 0, 3, 4).astype(np.int32)
+    mesh = replace(mesh, point_data={"lobe": upper, "sulc": upper * 1.0}, cell_data={"tissue": of_cells})
+    contacts = [Contact("A1", (20, 0, 2), 3.0), Contact("A2", (20, 0, -2), 1.0), Contact("B1", (0, 0, -15), None)]
+    _, records = with_electrodes(mesh, contacts)
+    expected = [{"lobe": 7, "tissue": 3}, {"lobe": -2, "tissue": 4}, {"lobe": -2, "tissue": 4}]
+    assert [record.labels for record in records] == expected
 
 
 @pytest.mark.parametrize(
@@ -149,6 +166,8 @@ def test_what_a_user_should_know_is_said_by_name():
         ([Contact("A1", (0, 0, 23), 1.0)], r"electrode A1 at \(0.00, 0.00, 23.00\) mm lies 3.0 mm outside"),
         ([Contact("A1", (0, 0, 20), 2.0), Contact("A2", (0, 3, 19.8), 2.0)], "electrodes A1 and A2 overlap"),
         ([Contact("A1", (1, 2, 3), None), Contact("A2", (1, 2, 3), None)], "electrodes A1 and A2 overlap"),
+        ([Contact(name, (0, 0, 23), 1.0) for name in ("A1", "A2", "A3")], "A1 .* 3.0 mm outside.*likewise A2, A3"),
+        ([Contact(name, (1, 2, 3), None) for name in ("A1", "A2", "A3")], "likewise A1 and A3, A2 and A3"),
     ],
 )
 def test_contacts_that_cannot_be_are_refused_before_the_work(contacts, words):

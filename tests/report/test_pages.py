@@ -16,8 +16,10 @@ from shapes import ball_mesh, ball_surface
 
 from cortet.config.sections import Certify
 from cortet.config.stages import Resample
+from cortet.formats.electrodes import Contact
 from cortet.geometry.topology import boundary_surface
 from cortet.measure.certify import certify
+from cortet.measure.electrodes import with_electrodes
 from cortet.measure.quality import quality
 from cortet.meshes import TetMesh, TriSurface
 from cortet.report.boundary_view import boundary_view
@@ -104,6 +106,16 @@ def test_what_was_changed_of_the_surface_is_said_where_and_shown(tmp_path, page)
     assert f"{certificate['native']['native_to_boundary_mm']['mean']:.4g}" in text
     for panel in ('id="repair"', 'id="resampled"'):
         assert panel in text and panel not in page
+
+
+def test_contacts_are_a_table_of_the_page_of_a_mesh_that_has_some(tmp_path, page, certificate):
+    _, records = with_electrodes(MESH, [Contact("A1", (0, 0, 20.5), 6.0), Contact("B1", (1, 2, 3), None)])
+    contacts = [asdict(replace(records[0], labels={"lobe": 3})), asdict(records[1])]
+    text = case_page(tmp_path, {**certificate, "electrodes": contacts})
+    (row,) = re.findall(r'<tr><th scope="row">A1</th>(.*?)</tr>', text)
+    told = [f"{records[0].moved_mm:.2f}", f"{records[0].area_mm2:.2f}", "113.10", f"{records[0].radius_over_edge:.1f}"]
+    assert re.findall(r">([^<>]+)<", row) == [*told, "lobe 3"]
+    assert '<th scope="row">B1</th>' in text and 'id="contacts"' not in page
 
 
 def test_a_failed_case_says_what_failed_why_and_what_to_do(tmp_path):
