@@ -85,7 +85,12 @@ def _rows(table: Any, file: Path | None, scale: float) -> Iterable[tuple[Any, An
         how = "two columns" if wrong[0] in table.columns else "no column"
         what = f"has {how} {wrong[0]} (its columns: {', '.join(map(str, table.columns))})"
         raise InputError(f"the table of electrodes {what}", file=file, remedy=_HEADER)
-    for line, row in zip(table.index, table.to_dict("records"), strict=True):
+    every = table.to_dict("records")
+    unknown = [str(row["name"]) for row in every if all(_is_missing(row[axis]) for axis in "xyz")]
+    if unknown:
+        what = f"contacts without coordinates: {', '.join(unknown)}"
+        raise InputError(what, file=file, remedy="give a table without these rows")
+    for line, row in zip(table.index, every, strict=True):
         size, radius = row.get("size", MISSING), row.get("radius", MISSING)
         if not _is_missing(size) and _is_missing(radius):
             area = _number(size)

@@ -99,7 +99,7 @@ def test_coordinates_by_name_are_in_the_unit_of_the_surface():
 @pytest.mark.parametrize(
     ("row", "words"),
     [
-        ("A1 n/a n/a n/a 1", "line 3.*electrode A1 has the coordinates n/a, n/a, n/a"),
+        ("A1 n/a n/a n/a 1", "contacts without coordinates: A1 "),
         ("A1 1 nan 3 1", "electrode A1 has the coordinates 1, nan, 3"),
         ("A1 1 2 3 -4", "electrode A1 has the radius or size -4"),
         ("A1 1 2 3 big", "electrode A1 has the radius or size big"),
