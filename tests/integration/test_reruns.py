@@ -71,6 +71,28 @@ def test_a_report_leaves_out_certificates_that_it_cannot_believe(study):
     assert study.status()["sub-b_hemi-L"]["state"] == "unfinished" and "sub-b" not in table.read_text()
 
 
+@pytest.mark.parametrize("edited", ["certificate", "certificate of another", "mesh"])
+def test_an_edited_certificate_or_mesh_costs_no_finished_work(study, edited):
+    """The next run refused it, after Snakemake had deleted the files for solvers."""
+    end = "Ordered_tetmesh.vtu" if edited == "mesh" else "Solver_certificate.json"
+    (file,), (other,), (export,) = map(study.files, (f"sub-a*{end}", f"sub-b*{end}", "sub-a*Solver_sets.vtu"))
+    if edited == "certificate":
+        content = json.loads(file.read_text())
+        content["checks"].pop()
+        file.write_text(json.dumps(content))
+    else:
+        shutil.copy(other, file)
+    before = sha256(export)
+    assert study.planned_jobs("meshes", "cohort_tables") <= COHORT
+    report(study.outputs)
+    row = study.status()["sub-a_hemi-L"]
+    assert row["state"] == "unfinished" and "--forcerun solver_ready" in row["reason"]
+    remade = study.jobs_of_run("--forcerun", "solver_ready", "--", "meshes")
+    assert ("solver_ready", "sub-a") in remade and ("export", "sub-a") in remade
+    report(study.outputs)
+    assert study.status()["sub-a_hemi-L"]["state"] == "certified" and sha256(export) == before
+
+
 @pytest.mark.parametrize(
     ("deleted", "rule"),
     [
