@@ -15,7 +15,7 @@ from pathlib import Path
 from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 
-from cortet.cohort.app import require_plain_python
+from cortet.cohort.app import CHOSEN as of_app, require_plain_python
 from cortet.cohort.bids import require_own_output
 from cortet.cohort.inputs import existing, existing_of
 from cortet.cohort.jobs import Jobs
@@ -73,6 +73,8 @@ except CortetError as error:
     raise WorkflowError(str(error)) from None
 
 FOLDS = Folds(PLAN)
+# what `cortet run` asks for, which may be some cases
+CHOSEN = replace(PLAN, chosen=frozenset(os.environ[of_app].split())) if of_app in os.environ else PLAN
 JOBS = Jobs(PLAN)
 INPUTS, SOURCES = JOBS.inputs, JOBS.sources
 LAYOUT = PLAN.layout

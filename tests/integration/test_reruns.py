@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from cortet.cohort.app import CHOSEN
 from cortet.cohort.jobs import Jobs
 from cortet.cohort.lock import NAME
 from cortet.cohort.status import write_failure
@@ -320,6 +321,15 @@ def test_an_uncertified_mesh_is_measured_but_not_exported(study):
     study.jobs_of_run()
     (written,) = study.files("sub-a*_sets.vtu")
     assert written.name.endswith("Solver_sets.vtu"), "the former moved to `outdated`"
+
+
+def test_a_run_of_some_cases_exports_its_uncertified_meshes_at_once(study):
+    """`cortet run --participant-label` named its files before the verdict, and refused the mesh under that name."""
+    study.config |= {"certify": {"q_max": 0.01}, "export": {"uncertified": True}}
+    done = study.run("participants", env=os.environ | {CHOSEN: "sub-a_hemi-L"})
+    assert done.returncode == 0, done.stdout
+    (written,) = study.files("*Uncertified_sets.vtu")
+    assert written.name.startswith("sub-a")
 
 
 def test_a_bad_sheet_stops_the_run_before_it_begins(study):
