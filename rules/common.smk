@@ -29,7 +29,6 @@ from cortet.meshers import OWN
 from cortet.folding.plan import Folds
 from cortet.over_all import REPORTED, plan_of, results
 from cortet.formats.certificates import certificate_of
-from cortet.report.records import read_certificate
 from cortet.stages import STAGES, notices
 from cortet.version import version_of
 
