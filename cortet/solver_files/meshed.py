@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from cortet.errors import DamagedFileError, InputError
-from cortet.formats.certificates import certificate_of
+from cortet.formats.certificates import certificate_of, is_edited
 from cortet.formats.gifti import hemisphere_of, kind_of, read_surface, write_surface
 from cortet.formats.hashing import input_sha256
 from cortet.formats.ownership import json_of, mesh_of
@@ -120,6 +120,8 @@ def certificate_beside(mesh: Path) -> dict[str, Any]:
 
 def why_uncertified(mesh: Path) -> list[str]:
     """Why the certificate beside a mesh fails it, in words; empty without one, and for a certified mesh."""
+    if is_edited(certificate_file(mesh)):
+        return ["its certificate is damaged or edited"]
     content = certificate_of(certificate_file(mesh))
     return [] if content.get("certified", True) else list(content["reasons"])
 
