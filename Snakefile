@@ -55,8 +55,8 @@ rule meshes:
 rule participants:
     """Everything on single cases: solver files, certificates, pages, records, folding."""
     input:
-        lambda _: PLAN.files_of_cases(),
-        lambda _: FOLDS.files(),
+        lambda _: CHOSEN.files_of_cases(),
+        lambda _: Folds(CHOSEN).files(),
 
 
 rule cohort:

@@ -15,11 +15,11 @@ from pathlib import Path
 from snakemake.exceptions import WorkflowError
 from snakemake.logging import logger
 
-from cortet.cohort.app import require_plain_python
+from cortet.cohort.app import CHOSEN as of_app, require_plain_python
 from cortet.cohort.bids import require_own_output
 from cortet.cohort.inputs import existing, existing_of
 from cortet.cohort.jobs import Jobs
-from cortet.cohort.layout import EXPORTED, LABELS, WILDCARDS, beside, inner_of
+from cortet.cohort.layout import EXPORTED, LABELS, WILDCARDS, beside, filled, inner_of
 from cortet.cohort.lock import require_free
 from cortet.cohort.states import States, edited_exports, made_otherwise
 from cortet.cohort.user_files import content
@@ -28,7 +28,7 @@ from cortet.errors import CortetError
 from cortet.meshers import OWN
 from cortet.folding.plan import Folds
 from cortet.over_all import REPORTED, plan_of, results
-from cortet.report.records import read_certificate
+from cortet.formats.certificates import certificate_of
 from cortet.stages import STAGES, notices
 from cortet.version import version_of
 
@@ -50,10 +50,10 @@ def told_at_start():
         told.append(
             f"config.yaml in {Path.cwd()} sets keys that your own configuration does not: {'; '.join(defaults)}"
         )
-    if others := made_otherwise(PLANNED):
+    if OTHERS:
         told.append(
-            f"meshes with other settings, surfaces or versions than the present ones: {sum(others.values())}. "
-            f"If this run has no jobs for them, `snakemake --forcerun {' '.join(others)}` remakes them"
+            f"meshes with other settings, surfaces or versions than the present ones, or edited ones: {len(OTHERS)}. "
+            f"If this run has no jobs for them, `snakemake --forcerun {' '.join({*OTHERS.values()})}` remakes them"
         )
     return told
 
@@ -65,12 +65,15 @@ try:
     PLAN = replace(PLANNED, waited_for=waited_for)
     CONFIG, SETTINGS, CASES = PLAN.config, PLAN.settings, PLAN.cases
     RESULTS = results(States(PLAN))
+    OTHERS = made_otherwise(PLANNED) if workflow.is_main_process else {}
     for warning in told_at_start() if workflow.is_main_process else []:
         logger.warning(warning)
 except CortetError as error:
     raise WorkflowError(str(error)) from None
 
 FOLDS = Folds(PLAN)
+# what `cortet run` asks for, which may be some cases
+CHOSEN = replace(PLAN, chosen=frozenset(os.environ[of_app].split())) if of_app in os.environ else PLAN
 JOBS = Jobs(PLAN)
 INPUTS, SOURCES = JOBS.inputs, JOBS.sources
 LAYOUT = PLAN.layout
@@ -119,6 +122,33 @@ def by_content(function):
         return found if found.startswith(f"{OUT}/") else ancient(found)
 
     return files
+
+
+def as_made(pattern):
+    """The last mesh or its certificate. One that was edited counts as old: the job would refuse it, and Snakemake first
+    deletes what the job made before.
+    """
+
+    def file(wildcards):
+        path = filled(pattern, wildcards)
+        if (wildcards.case, int(wildcards.res), wildcards.mesher) not in OTHERS or wildcards.setting:
+            return path
+        # one of the two is always looked at, so that the job runs again after the last stage
+        holds = certificate_of(filled(LAYOUT.certificate, wildcards)).get("made_from")
+        is_edited = (pattern == LAYOUT.certificate) == (holds != JOBS.made_from("solver_ready", wildcards))
+        return ancient(path) if is_edited and Path(path).exists() else path
+
+    return file
+
+
+#: the mesh at the end of the line
+LAST_MESH = as_made(LAYOUT.mesh(LABELS["solver_ready"]))
+CERTIFICATE = as_made(LAYOUT.certificate)
+
+
+def mesh_with_volumes(wildcards):
+    """The mesh at the end of the line, with what its volumes hold if the case has some."""
+    return LAYOUT.mesh(LABELS["solver_ready"], "volumes.vtu") if CASES[wildcards.case].volumes else LAST_MESH(wildcards)
 
 
 def surface_of(stage):

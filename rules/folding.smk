@@ -13,7 +13,7 @@ rule fold:
     fold of the same mesh, which was certified again with other limits, takes seconds.
     """
     input:
-        mesh=LAYOUT.mesh(LABELS["solver_ready"]),
+        mesh=LAST_MESH,
     output:
         verdict=FOLDS.fold("verdict.json"),
         table=FOLDS.fold("fold.tsv"),
@@ -40,7 +40,7 @@ rule folded_surface:
     """The folded cortex of a week on the vertices of its own surface, and what is measured there."""
     input:
         series=rules.fold.output.series,
-        mesh=LAYOUT.mesh(LABELS["solver_ready"]),
+        mesh=LAST_MESH,
         meshed=INPUTS.meshed_surface,
         surface=by_content(SOURCES.surface),
     output:

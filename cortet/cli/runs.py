@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from contextlib import chdir, nullcontext
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated, Literal
@@ -173,7 +172,6 @@ def run(
     from cortet.cohort.lock import hold
     from cortet.cohort.states import read_states
     from cortet.config import read
-    from cortet.folding.plan import Folds
     from cortet.over_all import aggregate, plan_of, run_record
 
     asked: Sequence[str] = levels or list(app.LEVELS)
@@ -205,12 +203,12 @@ def run(
             written = read(Path("config.yaml"))
             plan = plan_of(written)
             if not alone:
-                targets = [app.LEVELS[level] for level in asked]
+                targets, chosen = [app.LEVELS[level] for level in asked], None
                 if not selection.is_all:
-                    own = replace(plan, chosen=names)
-                    targets = [*own.files_of_cases(), *Folds(own).files()]
+                    targets, chosen = [app.LEVELS["participant"]], sorted(names)
+                verbose = common.verbose
                 code = app.snakemake(
-                    work, targets, cores=most, profile=profile, dry_run=dry_run, verbose=common.verbose
+                    work, targets, cases=chosen, cores=most, profile=profile, dry_run=dry_run, verbose=verbose
                 )
             if "group" in asked and (alone or not (selection.is_all or dry_run)):
                 aggregate(written, output, dry_run=dry_run)

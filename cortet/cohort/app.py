@@ -34,6 +34,8 @@ from cortet.formats.ownership import MARKER, mark
 _IN_WORDS = {"certified": "certified", "uncertified": "not certified", "unfinished": "unfinished", "failed": "failed"}
 #: level of analysis in a BIDS App -> target rule
 LEVELS = {"participant": "participants", "group": "cohort"}
+#: environment variable by which the workflow knows the cases that it is asked for
+CHOSEN = "CORTET_CASES"
 #: folder of Snakemake's own files, below the output folder
 _WORK = "work"
 _PACKAGE = Path(__file__).parents[1]
@@ -205,6 +207,7 @@ def snakemake(
     work: Path,
     targets: Iterable[str],
     *,
+    cases: Iterable[str] | None = None,
     cores: int,
     profile: str | None = None,
     dry_run: bool = False,
@@ -215,6 +218,7 @@ def snakemake(
     Parameters
     ----------
     targets : rules or files
+    cases : names of those that the rule `participants` makes; None: all
     profile : a profile of Snakemake, or the name of one that comes with the workflow, such as `slurm`
     verbose : everything that Snakemake says, instead of a line per case
     """
@@ -234,7 +238,7 @@ def snakemake(
     with subprocess.Popen(
         [*command, *targets],
         preexec_fn=child.end_with_parent,  # noqa: PLW1509, before any thread
-        env=os.environ | {"PYTHONPATH": path},
+        env=os.environ | {"PYTHONPATH": path} | ({CHOSEN: " ".join(cases)} if cases is not None else {}),
     ) as run:
         try:
             return run.wait()

@@ -12,7 +12,7 @@ from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
-from cortet.cohort.layout import LABELS, Wildcards, filled, inner_of, region_wildcard
+from cortet.cohort.layout import Wildcards, filled, inner_of, region_wildcard
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import ELECTRODES, PHANTOM, Case, column_of
 from cortet.cohort.user_files import content
@@ -165,11 +165,6 @@ class Inputs:
         if self.sources.is_resampled(job):
             return self.plan.layout.each_surface(STAGES["resample"].label)
         return self.sources.surface(job)
-
-    def mesh_with_volumes(self, job: Wildcards) -> str:
-        """The mesh at the end of the line, with what its volumes hold if the case has some."""
-        suffix = "volumes.vtu" if self.sources.case(job).volumes else "tetmesh.vtu"
-        return filled(self.plan.layout.mesh(LABELS["solver_ready"], suffix), job)
 
     def tissues(self, job: Wildcards) -> list[str]:
         """The table of the labels of a mesh, and the picture of its slices; none if it has no volumes."""

@@ -7,7 +7,6 @@ that was made from something else does not count.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +18,7 @@ from cortet.cohort.plan import Mesh, Plan
 from cortet.cohort.sheet import Case
 from cortet.cohort.status import STOPPED, failure_reason, in_words
 from cortet.cohort.user_files import content
+from cortet.errors import CortetError
 from cortet.formats.certificates import certificate_of
 from cortet.formats.ownership import changed_of, files_of, json_of
 from cortet.stages import STAGES
@@ -39,7 +39,7 @@ _AFTER_A_KILL = "give the job more memory or time, and run again"
 #: why a file is missing, or a mesh unfinished
 _ENDED = "the run ended before this case was done"
 _OTHER_SIZE = "its mesh has a different cell size or mesher than requested"
-_OTHER = "its mesh was made with other settings, from another surface, or by another version of cortet"
+_OTHER = "its mesh was replaced, or made with other settings, from another surface, or by another version of cortet"
 _DAMAGED = "its certificate is damaged, edited, or from another version of cortet"
 
 
@@ -210,11 +210,25 @@ def first_other_rule(jobs: Jobs, mesh: Mesh) -> str | None:
     def is_planned(rule: str, job: Wildcards, record: Mapping[str, Any]) -> bool:
         return record.get("made_from") == jobs.made_from(rule, job, record.get("input_sha256", {}))
 
-    job = jobs.plan.job(mesh)
-    if is_planned("solver_ready", job, certificate_of(jobs.plan.file(jobs.plan.layout.certificate, mesh))):
-        return None
+    job, certificate = jobs.plan.job(mesh), Path(jobs.plan.file(jobs.plan.layout.certificate, mesh))
+    if is_planned("solver_ready", job, certificate_of(certificate)):
+        last = Path(jobs.plan.file(jobs.plan.layout.mesh(STAGES["solver_ready"].label), mesh))
+        return "solver_ready" if _is_replaced(last, certificate) else None
     others = (one.rule for one in jobs.reports(job) if not is_planned(one.rule, one.job, json_of(one.path)))
     return next(others, "solver_ready")
+
+
+def _is_replaced(mesh: Path, certificate: Path) -> bool:
+    """Whether a mesh is not the one that a certificate is about; only one that is newer is read."""
+    if not mesh.is_file() or mesh.stat().st_mtime_ns <= certificate.stat().st_mtime_ns:
+        return False
+    from cortet.formats import vtu  # loads what most runs do without
+    from cortet.formats.hashing import mesh_sha256
+
+    try:
+        return mesh_sha256(vtu.read(mesh)) != certificate_of(certificate)["mesh_sha256"]
+    except CortetError:
+        return True
 
 
 def has_other_input(jobs: Jobs, job: Wildcards, certificate: Path) -> bool:
@@ -253,11 +267,11 @@ def certificates_of(plan: Plan, case: Case) -> list[Path]:
     return sorted((Path(plan.layout.output) / case.folder).glob(f"mesh/{case.name}_res-*{CERTIFICATE}"))
 
 
-def made_otherwise(plan: Plan) -> dict[str, int]:
-    """Rule from which on meshes were made otherwise than planned -> their number."""
+def made_otherwise(plan: Plan) -> dict[Mesh, str]:
+    """Meshes that are there, but were made otherwise than planned -> rule from which on."""
     jobs = Jobs(plan)
     there = [mesh for mesh, certificate in plan.certificates().items() if certificate.exists()]
-    return dict(Counter(rule for mesh in there if (rule := first_other_rule(jobs, mesh))))
+    return {mesh: rule for mesh in there if (rule := first_other_rule(jobs, mesh))}
 
 
 def _failures(output: Path, *, ended: bool) -> list[Failure]:

@@ -28,6 +28,11 @@ def certificate_of(path: str | Path) -> dict[str, Any]:
     return content if is_whole else {}
 
 
+def is_edited(path: Path) -> bool:
+    """Whether a certificate is damaged or was edited; one of another version is not known to be."""
+    return path.exists() and json_of(path).get("schema", SCHEMA) == SCHEMA and not certificate_of(path)
+
+
 def _hash(content: Mapping[str, Any]) -> str:
     """Hash of what was measured: without the list of the files that were written with the certificate."""
     beside = {_OWN, *record_of([])}

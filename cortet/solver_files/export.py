@@ -12,6 +12,7 @@ import numpy as np
 from cortet.errors import InputError, StageError
 from cortet.formats import FORMATS, Format, format_of, read_mesh
 from cortet.formats.atomic import atomic_folder, write_json
+from cortet.formats.certificates import is_edited
 from cortet.formats.hashing import mesh_sha256
 from cortet.formats.ownership import final_name, may_write
 from cortet.formats.placement import UNITS
@@ -25,7 +26,14 @@ from cortet.measure.quality import signed_volumes
 from cortet.meshes import CoordinateFrame, MeshSets, TetMesh, TriSurface
 from cortet.solver_files.conventions import broken_conventions
 from cortet.solver_files.fields import FieldSource, field_sources, with_q, without_q
-from cortet.solver_files.meshed import Origin, certificate_beside, is_named_uncertified, moved, uncertified_path
+from cortet.solver_files.meshed import (
+    Origin,
+    certificate_beside,
+    certificate_file,
+    is_named_uncertified,
+    moved,
+    uncertified_path,
+)
 from cortet.solver_files.names import held, left_out, writable
 from cortet.solver_files.sets import OF_ARRAYS, named_sets, require_same_regions, tagged
 from cortet.solver_files.sidecar import CHANGED, changed_since, read_sidecar, sidecar, sidecar_path
@@ -241,11 +249,17 @@ def convert(
 
 
 def refuse_failed(mesh: TetMesh, source: Path, target: Path) -> None:
-    """Raise InputError if the certificate beside a mesh fails it, unless the name of the new file says so."""
+    """Raise InputError if the certificate beside a mesh fails it or was edited, unless the name of `target` says so."""
     if is_named_uncertified(target):
         return
     certificate = certificate_beside(source)
     failed = [check.get("name", "a check") for check in certificate.get("checks", ()) if not check.get("passed")]
+    if is_edited(certificate_file(source)):
+        raise InputError(
+            "its certificate is damaged or edited, so nobody knows whether it is certified",
+            file=source,
+            remedy=f"mesh the surface again, or write to {uncertified_path(target).name}",
+        )
     if is_named_uncertified(source) or (failed and certificate.get("mesh_sha256") == mesh_sha256(mesh)):
         raise InputError(
             "is not certified" + (f" ({'; '.join(failed)})" if failed else ""),

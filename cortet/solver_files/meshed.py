@@ -15,7 +15,7 @@ from typing import Any, Literal
 from pydantic import TypeAdapter, ValidationError
 
 from cortet.errors import DamagedFileError, InputError
-from cortet.formats.certificates import certificate_of
+from cortet.formats.certificates import certificate_of, is_edited
 from cortet.formats.gifti import hemisphere_of, kind_of, read_surface, write_surface
 from cortet.formats.hashing import input_sha256
 from cortet.formats.ownership import json_of, mesh_of
@@ -134,6 +134,8 @@ def electrodes_of(mesh: Path) -> tuple[ElectrodeRecord, ...]:
 
 def why_uncertified(mesh: Path) -> list[str]:
     """Why the certificate beside a mesh fails it, in words; empty without one, and for a certified mesh."""
+    if is_edited(certificate_file(mesh)):
+        return ["its certificate is damaged or edited"]
     content = certificate_of(certificate_file(mesh))
     return [] if content.get("certified", True) else list(content["reasons"])
 

@@ -292,6 +292,16 @@ def test_a_mesh_that_is_not_certified_says_so_in_its_name_and_when_it_is_folded(
     assert left == {"x.vtu", "x.vtu.json", "x.certificate.json", "x.meshed.surf.gii", *converted}
 
 
+@pytest.mark.parametrize("edit", [lambda text: text.replace("true", "false", 1), lambda text: text[:500]])
+def test_a_mesh_whose_certificate_was_edited_is_not_converted_as_if_it_had_none(made, tmp_path, edit):
+    """Whoever cut the failed check out of a certificate, or cut it off, got a mesh whose name says nothing."""
+    saved = made.save(tmp_path / "x.vtu")
+    file = tmp_path / "x.certificate.json"
+    file.write_text(edit(file.read_text()))
+    with pytest.raises(InputError, match="damaged or edited.*x2_uncertified.inp"):
+        cortet.convert(saved, tmp_path / "x2.inp")
+
+
 def test_a_mesh_folds_from_the_age_it_was_made_at(made, tmp_path):
     said: list[float] = []
     small = {"thickness": 3.0, "force": True}

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import pytest
 
+from cortet.cohort.app import CHOSEN
 from cortet.cohort.jobs import Jobs
 from cortet.cohort.lock import NAME
 from cortet.cohort.status import write_failure
@@ -69,6 +70,28 @@ def test_a_report_leaves_out_certificates_that_it_cannot_believe(study):
     )  # as the job that reads it leaves one
     report(study.outputs)
     assert study.status()["sub-b_hemi-L"]["state"] == "unfinished" and "sub-b" not in table.read_text()
+
+
+@pytest.mark.parametrize("edited", ["certificate", "certificate of another", "mesh"])
+def test_an_edited_certificate_or_mesh_costs_no_finished_work(study, edited):
+    """The next run refused it, after Snakemake had deleted the files for solvers."""
+    end = "Ordered_tetmesh.vtu" if edited == "mesh" else "Solver_certificate.json"
+    (file,), (other,), (export,) = map(study.files, (f"sub-a*{end}", f"sub-b*{end}", "sub-a*Solver_sets.vtu"))
+    if edited == "certificate":
+        content = json.loads(file.read_text())
+        content["checks"].pop()
+        file.write_text(json.dumps(content))
+    else:
+        shutil.copy(other, file)
+    before = sha256(export)
+    assert study.planned_jobs("meshes", "cohort_tables") <= COHORT
+    report(study.outputs)
+    row = study.status()["sub-a_hemi-L"]
+    assert row["state"] == "unfinished" and "--forcerun solver_ready" in row["reason"]
+    remade = study.jobs_of_run("--forcerun", "solver_ready", "--", "meshes")
+    assert ("solver_ready", "sub-a") in remade and ("export", "sub-a") in remade
+    report(study.outputs)
+    assert study.status()["sub-a_hemi-L"]["state"] == "certified" and sha256(export) == before
 
 
 @pytest.mark.parametrize(
@@ -298,6 +321,15 @@ def test_an_uncertified_mesh_is_measured_but_not_exported(study):
     study.jobs_of_run()
     (written,) = study.files("sub-a*_sets.vtu")
     assert written.name.endswith("Solver_sets.vtu"), "the former moved to `outdated`"
+
+
+def test_a_run_of_some_cases_exports_its_uncertified_meshes_at_once(study):
+    """`cortet run --participant-label` named its files before the verdict, and refused the mesh under that name."""
+    study.config |= {"certify": {"q_max": 0.01}, "export": {"uncertified": True}}
+    done = study.run("participants", env=os.environ | {CHOSEN: "sub-a_hemi-L"})
+    assert done.returncode == 0, done.stdout
+    (written,) = study.files("*Uncertified_sets.vtu")
+    assert written.name.startswith("sub-a")
 
 
 def test_a_bad_sheet_stops_the_run_before_it_begins(study):
