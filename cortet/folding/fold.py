@@ -39,7 +39,7 @@ from cortet.folding.measurements import COLUMNS, COMPRESSED, DISTORTED, Measurem
 from cortet.folding.measures import weeks_in
 from cortet.folding.mechanics import Mechanics, mechanics
 from cortet.folding.patches import renew
-from cortet.folding.plausible import cell_size_mm, check_cells, check_mesh
+from cortet.folding.plausible import COARSEST, cell_size_mm, check_cells, check_mesh
 from cortet.folding.run import (
     Moment,
     Run,
@@ -109,7 +109,7 @@ class Verdict:
     compressed_share: float
     gyrification_index_last: float
     #: size of the cells in the cortex, and by how much index and width of folds at the end would probably be higher and
-    #: smaller with far smaller ones; None for a model with which that was not measured, and without folds
+    #: smaller with far smaller ones; None without folds, and for a model or cells with which that was not measured
     cell_size_mm: float
     gyrification_index_error: float | None
     fold_spacing_error_mm: float | None
@@ -348,8 +348,8 @@ def _verdict(
         reason = f"folded from {age_of(run.start):.2f} to {age:.2f} weeks; no element inverted in {moment.step} steps"
     size, width = cell_size_mm(run), rows[-1]["fold_spacing_mm"]
     gain = max(index - rows[0]["gyrification_index"], 0.0)
-    square = (size / thickness_mm(run)) ** 2
-    known = settings.model == "growing"
+    relative = size / thickness_mm(run)
+    known = settings.model == "growing" and relative <= COARSEST
     return Verdict(
         outcome=outcome,
         reason=reason,
@@ -364,8 +364,8 @@ def _verdict(
         compressed_share=max(row["compressed_share"] for row in rows),
         gyrification_index_last=index,
         cell_size_mm=size,
-        gyrification_index_error=_INDEX_ERROR * square * gain if known else None,
-        fold_spacing_error_mm=_WIDTH_ERROR * square * width if known and width else None,
+        gyrification_index_error=_INDEX_ERROR * relative**2 * gain if known else None,
+        fold_spacing_error_mm=_WIDTH_ERROR * relative**2 * width if known and width else None,
         settings=settings.values(),
         element=element,
         place_mm=place,
