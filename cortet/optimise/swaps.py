@@ -104,7 +104,7 @@ def swappable(
     """Copy a mesh into arrays with room for `vertices` in all.
 
     Boundary edges of `held` vertices (n,) are not flipped. Edges of an interface are flipped only between vertices with
-    a `on_triangle` (n,): the triangle of the surface that they lie on.
+    an `on_triangle` (n,): the triangle of the surface that they lie on.
     """
     count = len(mesh.cells)
     room = count + count // 4 + 1000
