@@ -62,9 +62,9 @@ _PANELS = {
     "fold_spacing_mm": "width of folds (mm)",
     "sulcal_depth_mm": "depth of sulci (mm)",
     "hull_volume_ml": "hull volume (mL)",
-    "q_max": r"largest $q$",
+    "distortion_max": "largest elastic distortion",
 }
-_ROWS, _SMALL = 2, ("min_j", "q_max")
+_ROWS, _SMALL = 2, ("min_j", "distortion_max")
 #: candidate weeks between ticks of the age axis, of which the first with few enough ticks is used; and most ticks
 _STEPS, _MOST_TICKS = (1, 2, 4, 5, 10), 6
 #: size, shape and folds of real brains; `data/real_brains.json` explains them
