@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -109,8 +109,7 @@ class Verdict:
     distorted_share: float
     compressed_share: float
     gyrification_index_last: float
-    #: size of the cells in the cortex, and by how much index and width of folds at the end would probably be higher and
-    #: smaller with far smaller ones; None without folds, and for a model or cells with which that was not measured
+    #: size of the cells in the cortex, and the errors of index and width at the end that are due to it, as in the table
     cell_size_mm: float
     gyrification_index_error: float | None
     fold_spacing_error_mm: float | None
@@ -184,6 +183,9 @@ def _followed(
         inverted = stop > moment.time and advance_to(run, moment, stop)
         journal.seconds += time.perf_counter() - began
         measurements = measured(run, moment, distortion(run, moment))
+        if settings.model == "growing":
+            first = journal.rows[0]["gyrification_index"] if journal.rows else measurements.gyrification_index
+            measurements = _with_errors(measurements, first, cell_size_mm(run) / thickness_mm(run))
         last = inverted or stop == run.end or measurements.gyrification_index < _LEAST_INDEX
         if last or _has_frame(measurements.gestational_age, settings, frames_at):
             asked = _is_one_of(measurements.gestational_age, settings.surfaces)
@@ -199,6 +201,18 @@ def _followed(
             break
         journal.save(run, moment)
     return moment, journal.rows
+
+
+def _with_errors(measurements: Measurements, index_at_start: float, relative: float) -> Measurements:
+    """The same with the errors that are due to cells of this size over the thickness, if they were measured."""
+    if relative > COARSEST:
+        return measurements
+    gain, width = max(measurements.gyrification_index - index_at_start, 0.0), measurements.fold_spacing_mm
+    return replace(
+        measurements,
+        gyrification_index_error=_INDEX_ERROR * relative**2 * gain,
+        fold_spacing_error_mm=None if width is None else _WIDTH_ERROR * relative**2 * width,
+    )
 
 
 def _stops(run: Run, settings: Settings, frames_at: Sequence[float]) -> list[float]:
@@ -347,10 +361,6 @@ def _verdict(
         reason = f"gyrification index {index:.3f} at {age:.2f} weeks: no brain has less surface than its convex hull"
     else:
         reason = f"folded from {age_of(run.start):.2f} to {age:.2f} weeks; no element inverted in {moment.step} steps"
-    size, width = cell_size_mm(run), rows[-1]["fold_spacing_mm"]
-    gain = max(index - rows[0]["gyrification_index"], 0.0)
-    relative = size / thickness_mm(run)
-    known = settings.model == "growing" and relative <= COARSEST
     return Verdict(
         outcome=outcome,
         reason=reason,
@@ -364,9 +374,9 @@ def _verdict(
         distorted_share=max(row["distorted_share"] for row in rows),
         compressed_share=max(row["compressed_share"] for row in rows),
         gyrification_index_last=index,
-        cell_size_mm=size,
-        gyrification_index_error=_INDEX_ERROR * relative**2 * gain if known else None,
-        fold_spacing_error_mm=_WIDTH_ERROR * relative**2 * width if known and width else None,
+        cell_size_mm=cell_size_mm(run),
+        gyrification_index_error=rows[-1]["gyrification_index_error"],
+        fold_spacing_error_mm=rows[-1]["fold_spacing_error_mm"],
         settings=settings.values(),
         element=element,
         place_mm=place,

@@ -49,7 +49,9 @@ class Measurements:
     distorted_share: float
     compressed_share: float
     gyrification_index: float
+    gyrification_index_error: float | None
     fold_spacing_mm: float | None
+    fold_spacing_error_mm: float | None
     fold_wavelength_mm: float | None
     sulcal_depth_mm: float
     area_mm2: float

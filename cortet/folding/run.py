@@ -407,5 +407,7 @@ def measured(run: Run, moment: Moment, distortion: FloatArray) -> Measurements:
         distortion_max=None if inverted else float(distortion.max()),
         distorted_share=float((distortion > DISTORTED).mean()),
         compressed_share=float((j < COMPRESSED).mean()),
+        gyrification_index_error=None,
+        fold_spacing_error_mm=None,
         **shape(points, run.faces, run.body.held, cortex),
     )
