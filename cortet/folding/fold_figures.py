@@ -62,7 +62,7 @@ _PANELS = {
     "fold_spacing_mm": "width of folds (mm)",
     "sulcal_depth_mm": "depth of sulci (mm)",
     "hull_volume_ml": "hull volume (mL)",
-    "distortion_max": "largest elastic distortion",
+    "distortion_max": "largest distortion",
 }
 _ROWS, _SMALL = 2, ("min_j", "distortion_max")
 #: panel -> column of the error that is due to the cells, and its sign
@@ -115,7 +115,7 @@ def draw(
 
 
 def numbers(table: Path, hemisphere: str | None) -> Figure:
-    """Size and folds against gestational age, over real brains, and smallest J and largest q.
+    """Size and folds against gestational age, over real brains, smallest J and largest distortion.
 
     Real surfaces are those of one hemisphere if the run is of one, else of both.
     """
@@ -129,7 +129,7 @@ def numbers(table: Path, hemisphere: str | None) -> Figure:
                 error, sign = _ERRORS[column]
                 axis.plot(
                     rows["gestational_age"], rows[column] + sign * rows[error], ":", color=BLUE,
-                    label="as with far smaller cells, estimated",
+                    label="with far smaller cells, estimated",
                 )  # fmt: skip
             axis.set(xlabel="gestational\nage (weeks)" if column in _SMALL else "gestational age (weeks)", ylabel=label)
             if column == "min_j":
@@ -145,7 +145,7 @@ def numbers(table: Path, hemisphere: str | None) -> Figure:
                 _fit(axis)
         letter(axes)
         handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+        figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 4))
     return figure
 
 
