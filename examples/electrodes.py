@@ -40,6 +40,7 @@ conductivity = np.array([CONDUCTIVITY[name] for name in made.regions])[grid.cell
 
 @skfem.BilinearForm
 def conduction(u, v, w):
+    """The current that a potential u drives, against v."""
     return w.conductivity * dot(grad(u), grad(v))
 
 
