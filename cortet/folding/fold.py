@@ -56,7 +56,7 @@ from cortet.formats.atomic import write_json
 from cortet.formats.ownership import delete, delete_abandoned, is_ours
 from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.formats.tables import write_table
-from cortet.meshes import TetMesh
+from cortet.meshes import FloatArray, TetMesh
 
 VERSION: int = 16
 
@@ -76,8 +76,8 @@ _STRAINED = (
     ("compressed_share", 1e-3, f"are compressed to less than {COMPRESSED:g} of their volume"),
 )
 #: errors of a fold that are due to its cells, of the index over its gain and of the width over itself, divided by the
-#: square of cell size over thickness: means of four brains with two sizes each, about the same in each week (0.42 to 0.73
-#: and 0.10 to 0.41 at 34 weeks). A third size of one of them gives the same: `snakemake -s studies/Snakefile`
+#: square of cell size over thickness: means of four brains with two sizes each (0.42 to 0.73 and 0.10 to 0.41 at 34
+#: weeks), about the same in each week. A third size of one of them gives the same: `snakemake -s studies/Snakefile`
 _INDEX_ERROR, _WIDTH_ERROR = 0.6, 0.3
 #: weeks by which the age in the name of a field may be rounded
 _ROUNDED = 1e-3
@@ -183,16 +183,16 @@ def _followed(
         began = time.perf_counter()
         inverted = stop > moment.time and advance_to(run, moment, stop)
         journal.seconds += time.perf_counter() - began
-        measurements = measured(run, moment, distortion(run, moment))
+        distorted = distortion(run, moment)
+        measurements = measured(run, moment, distorted)
         if settings.model == "growing":
             first = journal.rows[0]["gyrification_index"] if journal.rows else measurements.gyrification_index
             measurements = _with_errors(measurements, first, cell_size_mm(run) / thickness_mm(run))
         last = inverted or stop == run.end or measurements.gyrification_index < _LEAST_INDEX
         if last or _has_frame(measurements.gestational_age, settings, frames_at):
             asked = _is_one_of(measurements.gestational_age, settings.surfaces)
-            journal.add_frame(
-                run, moment, measurements.gestational_age, mechanics(run, moment) if asked and not inverted else None
-            )
+            felt = mechanics(run, moment) if asked and not inverted else None
+            journal.add_frame(run, moment, measurements.gestational_age, distorted, felt)
         part = (moment.time - run.start) / (run.end - run.start)
         journal.add_row(measurements, last=last)
         moment.work.min_j[0] = np.inf
@@ -310,7 +310,9 @@ class Journal:
         self.written = time.monotonic()
         write_table(COLUMNS, self.rows, self.folder / TABLE, self.folder / SIDECAR)
 
-    def add_frame(self, run: Run, moment: Moment, age: float, felt: Mechanics | None = None) -> None:
+    def add_frame(
+        self, run: Run, moment: Moment, age: float, distorted: FloatArray, felt: Mechanics | None = None
+    ) -> None:
         """Write a frame, in the numbering of the user's mesh, for weeks of surfaces with what elements feel."""
         name = f"frames/frame_{len(self.frames):04d}.vtu"
         by_node, by_cell = np.argsort(run.node), np.argsort(run.cell)
@@ -322,7 +324,9 @@ class Journal:
         if felt:
             thickness = run.body.thickness * run.scale.length
             more = {"stress": felt.stress, "stretch": felt.stretch, THICKNESS_FIELD: thickness}
-        of_cells = {"J": j, "growth": moment.work.share[by_cell]} | {key: more[key][by_cell] for key in more}
+        of_cells = {"J": j, "distortion": distorted[by_cell], "growth": moment.work.share[by_cell]} | {
+            key: more[key][by_cell] for key in more
+        }
         vtu.write(TetMesh(points, cells, of_nodes, of_cells), self.folder / name)
         self.frames.append((name, age))
         write_series(self.frames, self.folder / SERIES)

@@ -95,6 +95,9 @@ def test_frames_are_meshes_in_the_users_numbering(ball, finished):
         table(folder)["volume_mm3"].iloc[-1], rel=1e-5
     )
     assert last.cell_data["J"][0].min() > 0.5
+    assert (
+        1 < last.cell_data["distortion"][0].max() == pytest.approx(table(folder)["distortion_max"].iloc[-1], rel=1e-5)
+    )
     assert 0.9 < last.cell_data["growth"][0].max() < 1
     series = (folder / "fold.pvd").read_text()
     assert all(f'file="frames/{path.name}"' in series for path in frames)
