@@ -10,6 +10,7 @@ import numba
 import numpy as np
 
 from cortet.geometry.closest_point import tree_of
+from cortet.geometry.remembering import once_per_object
 from cortet.meshes import IntArray, TriSurface
 
 _STACK_SIZE = 64
@@ -19,6 +20,7 @@ _BLOCK = 64
 _FLAT = 1e-12
 
 
+@once_per_object
 def self_intersections(surface: TriSurface) -> IntArray:
     """Triangles that meet another triangle outside a shared vertex or edge: (f,) int32, ascending.
 
