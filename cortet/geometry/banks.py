@@ -100,5 +100,5 @@ def _fronts(surface: TriSurface) -> tuple[FloatArray, FloatArray]:
 def _given(surface: TriSurface, places: FloatArray, widest: float) -> FloatArray:
     """Gaps of the surface at the points of it that are nearest to places (k, 3) mm, at most `widest`: (k,) mm."""
     found = closest_points(tree_of(surface), places)
-    normals = unit_vectors(face_normals(surface.points, surface.faces))[found.faces]
+    normals = unit_vectors(face_normals(surface.points, surface.faces[found.faces]))
     return np.maximum(gaps(tree_of(surface), found.points, normals, widest), np.finfo(float).tiny)

@@ -113,9 +113,12 @@ def closer_than(tree: SurfaceTree, queries: FloatArray, distance: float) -> NDAr
 def _build(corners: NDArray[np.float64]):  # type: ignore[no-untyped-def]
     """Split boxes at the median centroid along their longest side until each leaf is small enough."""
     m = len(corners)
-    centroids = np.empty((m, 3))
-    for k in range(3):
-        centroids[:, k] = (corners[:, k] + corners[:, k + 3] + corners[:, k + 6]) / 3
+    centroids, around = np.empty((m, 3)), np.empty((m, 6))
+    for i in range(m):
+        for k in range(3):
+            a, b, c = corners[i, k], corners[i, k + 3], corners[i, k + 6]
+            centroids[i, k] = (a + b + c) / 3
+            around[i, k], around[i, k + 3] = min(a, b, c), max(a, b, c)
     order = np.arange(m)
     capacity = 2 * (2 * m // _LEAF_SIZE + 2)
     boxes = np.empty((capacity, 6))
@@ -126,12 +129,11 @@ def _build(corners: NDArray[np.float64]):  # type: ignore[no-untyped-def]
     used, box = 1, 0
     while box < used:
         lo, hi = first[box], last[box]
-        for k in range(3):
-            boxes[box, k], boxes[box, k + 3] = np.inf, -np.inf
-            for i in order[lo:hi]:
-                for j in range(k, 9, 3):
-                    boxes[box, k] = min(boxes[box, k], corners[i, j])
-                    boxes[box, k + 3] = max(boxes[box, k + 3], corners[i, j])
+        boxes[box, :3], boxes[box, 3:] = np.inf, -np.inf
+        for i in order[lo:hi]:
+            for k in range(3):
+                boxes[box, k] = min(boxes[box, k], around[i, k])
+                boxes[box, k + 3] = max(boxes[box, k + 3], around[i, k + 3])
         if hi - lo <= _LEAF_SIZE:
             child[box], size[box] = lo, hi - lo
         else:

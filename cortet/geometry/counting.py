@@ -72,15 +72,16 @@ def wrong_faces(points, cells, faces, behind):  # type: ignore[no-untyped-def]
     return wrong
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _fault(inverted, cells, faces, behind, e, k):  # type: ignore[no-untyped-def]
     """Fault of one face, as in `wrong_faces`."""
     f, fault = behind[e, k], 0
     if f < 0:
         return fault
     face = _sorted(cells, faces, e, k)
+    fourth = cells[f, 0] + cells[f, 1] + cells[f, 2] + cells[f, 3] - face[0] - face[1] - face[2]
     for j in range(4):
-        if _sorted(cells, faces, f, j) != face:
+        if cells[f, j] != fourth or _sorted(cells, faces, f, j) != face:
             continue
         if behind[f, j] != e:
             fault = 2

@@ -17,7 +17,7 @@ from cortet.errors import InputError, counted, place_mm
 from cortet.geometry.counting import wrong_faces
 from cortet.geometry.flaws import OVERLAPPING, VOIDS, WORDS
 from cortet.geometry.mending import defective_vertices
-from cortet.geometry.remembering import once_per_object
+from cortet.geometry.remembering import OncePerCells, once_per_object
 from cortet.geometry.topology import (
     TET_FACES,
     boundary,
@@ -108,8 +108,12 @@ def require_body(mesh: TetMesh, file: object = None) -> None:
         )
 
 
+@OncePerCells
 def folded_faces(mesh: TetMesh) -> int:
-    """Number of faces with both their tetrahedra on one side; a mesh that fills space once has none."""
+    """Number of faces with both their tetrahedra on one side; a mesh that fills space once has none.
+
+    All volumes must be positive: then connectivity alone decides.
+    """
     return int(np.count_nonzero(wrong_faces(mesh.points, mesh.cells, TET_FACES, neighbours(mesh)) == _FOLDED))
 
 

@@ -10,6 +10,7 @@ import numba
 import numpy as np
 
 from cortet.geometry.closest_point import tree_of
+from cortet.geometry.remembering import once_per_object
 from cortet.meshes import IntArray, TriSurface
 
 _STACK_SIZE = 64
@@ -19,6 +20,7 @@ _BLOCK = 64
 _FLAT = 1e-12
 
 
+@once_per_object
 def self_intersections(surface: TriSurface) -> IntArray:
     """Triangles that meet another triangle outside a shared vertex or edge: (f,) int32, ascending.
 
@@ -40,14 +42,19 @@ def _crossing(vertices, corners, boxes, child, size):  # type: ignore[no-untyped
     """
     m = len(corners)
     flagged = np.zeros(m, np.bool_)
+    # triangles are in the order of the boxes, and children follow their box: where the triangles of each box end
+    end = child + size
+    for box in range(len(boxes) - 1, -1, -1):
+        if not size[box]:
+            end[box] = end[child[box] + 1]
     # threads may flag the same triangle; flags are only ever raised, so their order does not matter
     for block in numba.prange((m + _BLOCK - 1) // _BLOCK):
-        _flag_block(block, vertices, corners, boxes, child, size, flagged)
+        _flag_block(block, vertices, corners, boxes, child, size, end, flagged)
     return flagged
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _flag_block(block, vertices, corners, boxes, child, size, flagged):  # type: ignore[no-untyped-def]
+def _flag_block(block, vertices, corners, boxes, child, size, end, flagged):  # type: ignore[no-untyped-def]
     stack = np.empty(_STACK_SIZE, np.int64)
     low, high = np.empty(3), np.empty(3)
     for i in range(block * _BLOCK, min(len(corners), (block + 1) * _BLOCK)):
@@ -59,10 +66,10 @@ def _flag_block(block, vertices, corners, boxes, child, size, flagged):  # type:
         while top:
             top -= 1
             box = stack[top]
-            if not _overlap(boxes[box], low, high):
+            if end[box] <= i + 1 or not _overlap(boxes[box], low, high):
                 continue
             if size[box]:
-                for j in range(max(child[box], i + 1), child[box] + size[box]):
+                for j in range(max(child[box], i + 1), end[box]):
                     if not (flagged[i] and flagged[j]) and _meet(vertices[i], vertices[j], corners[i], corners[j]):
                         flagged[i] = flagged[j] = True
             else:

@@ -28,6 +28,22 @@ def once_per_object(function: Callable[[S], T]) -> Callable[[S], T]:
     return remembered
 
 
+def once_per_array(function: Callable[[NDArray[Any]], T]) -> Callable[[NDArray[Any]], T]:
+    """Remember the result of a function for each read-only array that it is called with."""
+    results: dict[int, T] = {}
+
+    @wraps(function)
+    def remembered(given: NDArray[Any]) -> T:
+        if given.flags.writeable:
+            return function(given)
+        if id(given) not in results:
+            results[id(given)] = function(given)
+            weakref.finalize(given, results.pop, id(given), None).atexit = False
+        return results[id(given)]
+
+    return remembered
+
+
 class OncePerCells(Generic[T]):
     """Remembers a result for each (read-only) array of tetrahedra; meshes that differ only in their points share it."""
 

@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import connected_components
 
 from cortet.errors import counted
 from cortet.geometry.counting import behind_faces
-from cortet.geometry.remembering import OncePerCells, once_per_object
+from cortet.geometry.remembering import OncePerCells, once_per_array, once_per_object
 from cortet.meshes import REGION, FloatArray, IntArray, TetMesh, TriSurface
 
 #: corners of the face opposite each corner of a tetrahedron, outward for positive volume
@@ -209,7 +209,7 @@ def edges(simplices: IntArray) -> IntArray:
     local = TRI_EDGES if simplices.shape[1] == 3 else TET_EDGES
     ends = simplices[:, local].reshape(-1, 2)
     size = int(simplices.max(initial=0)) + 1
-    every = coo_array((np.ones(len(ends), np.int8), (ends.min(axis=1), ends.max(axis=1))), shape=(size, size))
+    every = coo_array((np.ones(len(ends), np.int8), (np.minimum(*ends.T), np.maximum(*ends.T))), shape=(size, size))
     found = every.tocsr().tocoo()  # each once, in order
     return np.column_stack([found.row, found.col]).astype(np.int32)
 
@@ -232,6 +232,7 @@ def linked(first: NDArray[np.integer], second: NDArray[np.integer], count: int) 
     return label
 
 
+@once_per_array
 def surface_topology(faces: IntArray) -> SurfaceTopology:
     """Components, Euler number and every kind of non-manifold defect of a triangulated surface.
 

@@ -75,7 +75,7 @@ class WorstElement:
 def fans(mesh: TetMesh) -> Fans:
     """Valence and opening angle of every edge."""
     ends = mesh.cells[:, TET_EDGES].reshape(-1, 2)
-    low, high = ends.min(axis=1), ends.max(axis=1)
+    low, high = np.minimum(*ends.T), np.maximum(*ends.T)
     every = coo_array((np.ones(len(ends), np.int32), (low, high)), shape=2 * (len(mesh.points),))
     numbered = every.tocsr()  # which adds up equal entries
     valence = numbered.data

@@ -21,11 +21,12 @@ def well_ordered(points: FloatArray, cells: IntArray, region: IntArray | None = 
     points, cells : (n, 3) mm; (m, 4), of either orientation
     region : (m,) of the tetrahedra, where there are several
     """
-    kept = signed_volumes(points, cells) != 0
+    if region is not None:
+        region = region[signed_volumes(points, cells) != 0]
     cells, flat = oriented(points, cells)
     points, cells, _ = compact(points, cells)
     points, cells, order = ordered_along_curve(points, cells)
-    return TetMesh(points, cells, cell_data={} if region is None else {REGION: region[kept][order]}), flat
+    return TetMesh(points, cells, cell_data={} if region is None else {REGION: region[order]}), flat
 
 
 def checked(

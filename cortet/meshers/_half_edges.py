@@ -59,6 +59,8 @@ class Scratch(NamedTuple):
     #: faces whose samples are examined, and the triangles (9 coordinates) that replace them
     old: IntArray
     new: FloatArray
+    #: boxes around these triangles: lowest and highest coordinates
+    box: FloatArray
     #: samples of the old faces, the nearest new triangle of each, and the squared distance
     sample: IntArray
     nearest: IntArray
@@ -70,6 +72,7 @@ def scratch(samples: int) -> Scratch:
     return Scratch(
         np.empty(MOST_FACES, np.int32),
         np.empty((MOST_FACES, 9)),
+        np.empty((MOST_FACES, 6)),
         np.empty(samples, np.int32),
         np.empty(samples, np.int32),
         np.empty(samples),

@@ -17,7 +17,7 @@ from cortet.geometry.banks import slits
 from cortet.geometry.closest_point import tree_of
 from cortet.geometry.limits import LEAST_BANK_GAP
 from cortet.geometry.nesting import joined, parents, region_boundary, sheets
-from cortet.geometry.thickness import thickness
+from cortet.geometry.thickness import gaps, thickness
 from cortet.geometry.topology import TET_FACES, bodies, enclosed_volume, neighbours, packed, vertex_normals
 from cortet.meshers._remesh import (
     CREST,
@@ -67,14 +67,15 @@ def wanted(
         normals = vertex_normals(one.points, one.faces)
         within = thickness(trees[number], one.points, normals, most, inside=outward)
         filled = opened(one, within, below=edge_length / EDGE_OVER_THICKNESS, radius=CREST * distance)
+        cortex = filled
+        beyond = [every[other] for other in _beyond(around, number)]
+        if beyond:
+            # a ball that reaches through the layer must not end at the next one, which faces the same way
+            cortex = gaps(tree_of(joined(beyond)), one.points, -normals if parent < 0 else normals, most)
+            filled = np.minimum(filled, cortex)
+        gap = filled
         if parent < 0:
             gap = np.minimum(filled, thickness(tree_of(one), one.points, normals, most, inside=not outward))
-            cortex = filled
-        else:
-            # seen from the region around it, the triangles of this surface are turned
-            cortex = thickness(trees[parent], one.points, -normals, most, inside=True)
-            filled = np.minimum(filled, cortex)
-            gap = filled
         size = EDGE_OVER_THICKNESS * filled
         if surface.inner and parent <= 0:
             size = np.minimum(size, EDGE_OF_LAYERS / across * cortex)
@@ -83,6 +84,12 @@ def wanted(
         size = np.clip(size, SHORTEST * edge_length, edge_length)
         found.append(Wanted(size, np.clip(SHARE_OF_GAP * gap, SHORTEST * distance, distance)))
     return found
+
+
+def _beyond(around: Sequence[int], number: int) -> list[int]:
+    """The surfaces across the layer around a surface, or, for the outer one, the layer inside it, by number."""
+    layer = max(around[number], 0)
+    return [one for one, parent in enumerate(around) if one != number and layer in (one, parent)]
 
 
 def remesh_apart(surface: TriSurface, want: Sequence[Wanted]) -> list[Remeshed]:

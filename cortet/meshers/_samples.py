@@ -14,6 +14,9 @@ import numpy as np
 
 from cortet.geometry.closest_point import closest_point, on_triangle, triangle_normal
 
+#: mm2, far above the rounding of a squared distance
+_ROUNDING = 1e-9
+
 
 class Limits(NamedTuple):
     """Mean squared distances (mm2) of the samples around an operation."""
@@ -24,6 +27,15 @@ class Limits(NamedTuple):
     most: float
 
 
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _squared_to_box(box, x, y, z):  # type: ignore[no-untyped-def]
+    """Squared distance of a point to a box, which no triangle inside the box is nearer than."""
+    dx = max(box[0] - x, 0.0, x - box[3])
+    dy = max(box[1] - y, 0.0, y - box[4])
+    dz = max(box[2] - z, 0.0, z - box[5])
+    return dx * dx + dy * dy + dz * dz
+
+
 @numba.njit(cache=True, error_model="numpy")
 def measure(w, s, olds, news, most):  # type: ignore[no-untyped-def]
     """Find the new triangle nearest to each sample of the old faces.
@@ -32,19 +44,29 @@ def measure(w, s, olds, news, most):  # type: ignore[no-untyped-def]
     limit, or if the mean is above both `most` and its old value.
     """
     count, total, before = 0, 0.0, 0.0
+    for j in range(news):
+        for axis in range(3):
+            a, b, c = s.new[j, axis], s.new[j, axis + 3], s.new[j, axis + 6]
+            s.box[j, axis], s.box[j, axis + 3] = min(a, b, c), max(a, b, c)
     for k in range(olds):
         i = w.first[s.old[k]]
         while i >= 0:
             x, y, z = w.samples[i, 0], w.samples[i, 1], w.samples[i, 2]
             best, nearest = np.inf, -1
-            for j in range(news):
+            for turn in range(news):
+                # first the triangle that most often follows the old one; where two are as near, the first one counts
+                j = turn
+                if k < news and turn <= k:
+                    j = turn - 1 if turn else k
+                if _squared_to_box(s.box[j], x, y, z) > best + _ROUNDING:
+                    continue
                 c = s.new[j]
                 u, v, t = on_triangle(c, x, y, z)
                 dx = u * c[0] + v * c[3] + t * c[6] - x
                 dy = u * c[1] + v * c[4] + t * c[7] - y
                 dz = u * c[2] + v * c[5] + t * c[8] - z
                 d = dx * dx + dy * dy + dz * dz
-                if d < best:
+                if d < best or (d == best and j < nearest):
                     best, nearest = d, j
             if best > w.limit2[i]:
                 return count, np.inf

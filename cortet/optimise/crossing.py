@@ -200,12 +200,12 @@ def _left_behind_sheet(
     else:
         limit = MOST_LEFT_BEHIND * cell_size
     samples = surface_samples(surface)
-    # a part of a mesh does not represent the surface far from it
-    samples = samples[closer_than(tree_of(began), samples, _REACH * limit)]
 
     def left(result: TetMesh) -> IntArray:
         boundary, _ = topology.sheet(result, number)
         far = samples[~closer_than(tree_of(boundary), samples, limit)]
+        # a part of a mesh does not represent the surface far from it
+        far = far[closer_than(tree_of(began), far, _REACH * limit)]
         before = closest_points(tree_of(began), far)
         beyond = closest_points(tree_of(boundary), far).distances > _SAME * before.distances
         order = np.argsort(-before.barycentric[beyond], axis=1, kind="stable")

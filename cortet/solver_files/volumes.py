@@ -128,6 +128,8 @@ def with_volumes(
     frame : of the surface that the mesh was made from; it maps to the space of the volumes
     background : `backgrounds` of the volumes, for the table
     """
+    if not volumes:
+        return mesh, []
     points = to_scanner(mesh.points, frame or CoordinateFrame())
     q, size = quality(mesh.points, mesh.cells), signed_volumes(mesh.points, mesh.cells)
     fields: dict[str, NDArray[Any]] = {}

@@ -103,6 +103,8 @@ def gate(
             logger.warning("%s: dropped %d vertices that no triangle uses", named, dropped)
         _check_area(used, flat_faces(used.points, used.faces))
         oriented = replace(used, faces=outward(used.points, used.faces))
+        if np.array_equal(oriented.points, surface.points) and np.array_equal(oriented.faces, surface.faces):
+            oriented = surface  # of which it may be known what crosses
         topology = surface_topology(oriented.faces)
         _check_topology(oriented, topology, settings.allow_genus)
         if reoriented := int((oriented.faces != used.faces).any(axis=1).sum()):

@@ -24,6 +24,13 @@ def test_a_tetrahedron_is_a_sphere():
     assert found.is_closed_manifold and found.genus == 0 and found.problems() == []
 
 
+def test_triangles_that_a_caller_changes_are_looked_at_again():
+    faces = TETRAHEDRON.copy()
+    assert topology.surface_topology(faces).open_edges == 0
+    faces[3] = faces[0]
+    assert topology.surface_topology(faces).open_edges == 2, "a writable array is not remembered"
+
+
 def test_a_torus_has_a_handle_and_says_so():
     found = topology.surface_topology(torus())
     assert found.is_closed_manifold and found.genus == 1

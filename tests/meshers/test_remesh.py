@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 import trimesh
-from shapes import ball_surface, bowl, can, horseshoe, real_surface
+from shapes import ball_surface, bowl, can, horseshoe, real_surface, torus
 
 from cortet.errors import StageError
 from cortet.geometry.closest_point import closest_points, surface_tree
 from cortet.geometry.intersection import self_intersections
+from cortet.geometry.nesting import nested
 from cortet.geometry.topology import boundary_nodes, edges, enclosed_volume, face_areas, surface_topology
 from cortet.measure.quality import quality
 from cortet.meshers import _remesh
@@ -140,3 +141,8 @@ def test_a_dense_surface_gives_the_mesh_of_a_coarser_one_of_its_shape_with_its_b
     assert q[0].mean() == pytest.approx(q[1].mean(), abs=0.005) and len(q[0]) == pytest.approx(len(q[1]), rel=0.05)
     on = meshes[0].points[boundary_nodes(meshes[0])]
     assert closest_points(surface_tree(dense.points, dense.faces), on).distances.max() < 1e-9
+
+
+def test_edges_on_both_sides_of_a_layer_follow_its_thickness_where_another_layer_is_near():
+    for want in wanted(nested(torus(2.2, 1.5), {"white": torus(2.2, 1.0)}), 1.0, 0.3):
+        assert want.size.max() < 0.65, "the layer is 0.5 thick around the hole, too"
