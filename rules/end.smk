@@ -12,7 +12,6 @@ from cortet.cohort.app import outcome, workflow as of_workflow
 from cortet.cohort.lock import hold, is_held_by_parent
 from cortet.cohort.outdated import set_aside
 from cortet.cohort.states import States, read_states
-from cortet.cohort.status import in_words
 from cortet.over_all import is_of_run, remember_run
 
 FOLDER = of_workflow()  # the main Snakefile may be a user's, which includes ours
@@ -56,7 +55,7 @@ onsuccess:
 
 
 onerror:
-    for (case, *_), failure in read_states(PLANNED).failures.items():
-        if failure["state"] != "unfinished":
-            logger.error(f"{case}: {failure['stage']}: {in_words(failure)}")
+    for (case, *_), state in read_states(PLANNED).of.items():
+        if state.state == "failed":
+            logger.error(f"{case}: {state.stage}: {state.in_words}")
     end_run("failure")

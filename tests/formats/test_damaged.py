@@ -166,8 +166,8 @@ def test_json_nested_deeper_than_python_reads_is_no_sidecar_and_no_certificate(t
 
 
 @pytest.mark.parametrize("parameters", [[1], {"generate": []}, {"generate": {"cell_size": "0.6"}}])
-def test_a_certificate_edited_to_another_form_is_named(tmp_path, parameters):
-    certificate_path(tmp_path / "m.vtu").write_text(json.dumps({"parameters": parameters}))
+def test_a_certificate_of_another_version_and_form_is_named(tmp_path, parameters):
+    certificate_path(tmp_path / "m.vtu").write_text(json.dumps({"schema": 2, "parameters": parameters}))
     with pytest.raises(InputError, match="certificate"):
         cell_size_of(tmp_path / "m.vtu")
 
