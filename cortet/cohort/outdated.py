@@ -18,6 +18,7 @@ from cortet.cohort.states import CERTIFICATE, OUTDATED, States, certificates_of
 from cortet.formats import FORMATS
 from cortet.formats.certificates import certificate_of
 from cortet.formats.ownership import files_of, json_of, mesh_of
+from cortet.stages import STAGES
 
 #: ends of the names of what a mesh has that failed
 _OF_FAILURE = ("Solver_report.html", "Solver_thumbnail.webp")
@@ -68,7 +69,8 @@ def set_aside(states: States, *, dropped: bool = False) -> list[str]:
 
 def _has_other_input(jobs: Jobs, case: Case, certificate: Path) -> bool:
     """Whether a mesh is known to be made from other files of the user than those that are there."""
-    made_from = json_of(certificate).get("input_sha256", {})
+    report = certificate.name.replace(CERTIFICATE, f"{STAGES['solver_ready'].label}_tetmesh.json")
+    made_from = json_of(certificate.with_name(report)).get("input_sha256", {})  # the certificate may be another case's
     present = jobs.sources.input_sha256({"folder": case.folder, "case": case.name, "res": "any"})
     return bool(made_from) and any(now and made_from.get(name) != now for name, now in present.items())
 
