@@ -270,7 +270,7 @@ def cohort_page(states: States) -> Results:
     def inputs() -> list[str]:
         return [
             tables["status"][0],
-            *(tables["quality"][:2] if states.measured_certificates() else []),
+            *(tables["quality"][:2] if states.measured() else []),
             *(tables["tissues"][:1] if states.tissue_tables() else []),
             *plan.each_case(plan.layout.thumbnail).values(),
             *(path for hemi in maps for path in states.maps(hemi).values()),
@@ -367,7 +367,7 @@ def _write_page(states: States, *, began: str = "") -> None:
 
     tables = {name: [Path(path) for path in paths] for name, paths in _tables(plan).items()}
     quality, dataset = tables["quality"], plan.config.cohort.dataset
-    measured = bool(states.measured_certificates()) and quality[0].exists()
+    measured = bool(states.measured()) and quality[0].exists()
     figure = Path(_figure(plan)[0])
     small = [Path(path) for path in plan.each_case(plan.layout.thumbnail).values()]
     write_cohort_page(

@@ -50,11 +50,11 @@ def set_aside(states: States, *, dropped: bool = False) -> list[str]:
         changed = [one for one in certificates_of(plan, case) if _has_other_input(jobs, case, one)]
         entries = [path for one in changed for path in _made_with(one)]
         move(name, output / case.folder, "its surface has changed", entries)
-    for mesh, certificate in plan.certificates().items():
+    for mesh in plan.meshes():
         state, folder = states.state(mesh), output / plan.cases[mesh[0]].folder
         if state.state == "failed" and None not in jobs.sources.input_sha256(plan.job(mesh)).values():
             # the certificate itself may be gone: Snakemake deletes it before S5 runs again
-            entries = [] if state.verdict else _made_with(certificate)
+            entries = [] if state.verdict else _made_with(plan.certificate(mesh))
             entries = _with_companions(plan.exports(mesh)) if state.stage == "volumes" else entries
             move(mesh[0], folder, f"{state.stage} failed", entries)
         move(mesh[0], folder, "it now has another mesh or verdict", _of_another_mesh(plan, mesh))
@@ -80,8 +80,7 @@ def _of_another_mesh(plan: Plan, mesh: Mesh) -> list[Path]:
 
     An earlier version gave the mesh of the last stage, too, the name of a result.
     """
-    certificate = Path(plan.file(plan.layout.certificate, mesh))
-    of_certificate = certificate_of(certificate).get("mesh_sha256")
+    of_certificate = certificate_of(plan.certificate(mesh)).get("mesh_sha256")
     if of_certificate is None:
         return []
     found, layout, asked, own_label = [], plan.layout, plan.exports(mesh), plan.label_of_exports(mesh)

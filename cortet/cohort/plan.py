@@ -88,9 +88,9 @@ class Plan:
         """The file of a pattern for each of `meshes`."""
         return {mesh: self.file(pattern, mesh) for mesh in self.meshes()}
 
-    def certificates(self) -> dict[Mesh, Path]:
-        """Certificates of all meshes, whether or not they are there."""
-        return {mesh: Path(path) for mesh, path in self.each_case(self.layout.certificate).items()}
+    def certificate(self, mesh: Mesh) -> Path:
+        """The certificate of a mesh, whether or not it is there."""
+        return Path(self.file(self.layout.certificate, mesh))
 
     def exports(self, mesh: Mesh) -> list[Path]:
         """Files of a mesh for solvers that are asked for."""
@@ -104,7 +104,7 @@ class Plan:
             return OF_SOLVERS
         if self.waited_for:
             self.waited_for("verdict", **self.job(mesh))
-        certificate = json_of(Path(self.file(self.layout.certificate, mesh)))  # an edited one is refused by the export
+        certificate = json_of(self.certificate(mesh))  # an edited one is refused by the export
         return OF_SOLVERS if certificate.get("certified", True) else OF_UNCERTIFIED
 
     def final_files(self, mesh: Mesh) -> dict[str, str]:

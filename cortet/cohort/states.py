@@ -183,7 +183,7 @@ def state_of(jobs: Jobs, mesh: Mesh, failed: Sequence[Failure]) -> State:
     failed : in the order of the line
     """
     plan, job = jobs.plan, jobs.plan.job(mesh)
-    case, certificate = plan.cases[mesh[0]], Path(plan.file(plan.layout.certificate, mesh))
+    case, certificate = plan.cases[mesh[0]], plan.certificate(mesh)
     other, content = first_other_rule(jobs, mesh), certificate_of(certificate)
     verdict = {} if other else {key: content[key] for key in ("certified", "verdict", "reasons", "remarks")}
     # if the certificate does not hold, it is the mesh or its certificate that has to be made again
@@ -218,7 +218,7 @@ def state_of(jobs: Jobs, mesh: Mesh, failed: Sequence[Failure]) -> State:
 
 def first_other_rule(jobs: Jobs, mesh: Mesh) -> str | None:
     """The first rule that made a mesh from something else than planned; None if its certificate holds."""
-    job, certificate = jobs.plan.job(mesh), Path(jobs.plan.file(jobs.plan.layout.certificate, mesh))
+    job, certificate = jobs.plan.job(mesh), jobs.plan.certificate(mesh)
     if jobs.is_planned("solver_ready", job, certificate_of(certificate)):
         last = Path(jobs.plan.file(jobs.plan.layout.mesh(STAGES["solver_ready"].label), mesh))
         return "solver_ready" if _is_replaced(last, certificate) else None

@@ -315,7 +315,7 @@ def test_an_uncertified_mesh_is_measured_but_not_exported(study):
     assert "forcerun solver_ready" in study.status()["sub-a_hemi-L"]["reason"], "of limits that hold no more"
     study.config |= {"certify": limits, "export": {"uncertified": True}}
     ran = study.jobs_of_run()
-    assert ran - COHORT == jobs({"solver_ready", "export", "case_page"}, "a"), "a page links what is exported"
+    assert ran - COHORT == jobs({"solver_ready", "verdict", "export", "case_page"}, "a"), "a page links the exports"
     assert ran >= COHORT
     (written,) = study.files("sub-a*_sets.vtu")
     assert written.name == "sub-a_hemi-L_res-4000um_desc-latticeUncertified_sets.vtu"
