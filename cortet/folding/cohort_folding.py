@@ -38,7 +38,14 @@ COLUMNS = tuple(
     replace(column, levels=STATES) if column.name == "state" else column
     for column in read_columns(_DATA / "cohort_folding_columns.tsv")
 )
-_ERRORS = ("gyrification_index_error", "fold_spacing_error_mm")
+#: columns from the verdict that those of earlier versions lack
+_LATER = (
+    "distortion_max",
+    "distorted_share",
+    "compressed_share",
+    "gyrification_index_error",
+    "fold_spacing_error_mm",
+)
 _LAST = ("gyrification_index", "fold_spacing_mm", "sulcal_depth_mm", "area_mm2", "volume_mm3")
 #: most runs that the legend names, and a colour for each (Paul Tol's, besides those of other figures)
 _NAMED = 10
@@ -85,8 +92,8 @@ def _row(run: Mapping[str, Any]) -> dict[str, Any]:
         "start_weeks": float(table["gestational_age"].iloc[0]),
         "end_weeks": verdict["gestational_age"],
         **{column: None if pd.isna(last[column]) else float(last[column]) for column in _LAST},
-        **{key: verdict[key] for key in ("thickness_mm", "min_j", "q_max", "tets", "steps", "reason")},
-        **{key: verdict.get(key) for key in ("distorted_share", "compressed_share", *_ERRORS)},  # of no earlier version
+        **{key: verdict[key] for key in ("thickness_mm", "min_j", "tets", "steps", "reason")},
+        **{key: verdict.get(key) for key in _LATER},
         "warnings": "; ".join(verdict["warnings"]),
     }
 

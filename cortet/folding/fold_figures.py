@@ -62,9 +62,11 @@ _PANELS = {
     "fold_spacing_mm": "width of folds (mm)",
     "sulcal_depth_mm": "depth of sulci (mm)",
     "hull_volume_ml": "hull volume (mL)",
-    "q_max": r"largest $q$",
+    "distortion_max": "largest distortion",
 }
-_ROWS, _SMALL = 2, ("min_j", "q_max")
+_ROWS, _SMALL = 2, ("min_j", "distortion_max")
+#: panel -> column of the error that is due to the cells, and its sign
+_ERRORS = {"gyrification_index": ("gyrification_index_error", 1), "fold_spacing_mm": ("fold_spacing_error_mm", -1)}
 #: candidate weeks between ticks of the age axis, of which the first with few enough ticks is used; and most ticks
 _STEPS, _MOST_TICKS = (1, 2, 4, 5, 10), 6
 #: size, shape and folds of real brains; `data/real_brains.json` explains them
@@ -113,7 +115,7 @@ def draw(
 
 
 def numbers(table: Path, hemisphere: str | None) -> Figure:
-    """Size and folds against gestational age, over real brains, and smallest J and largest q.
+    """Size and folds against gestational age, over real brains, smallest J and largest distortion.
 
     Real surfaces are those of one hemisphere if the run is of one, else of both.
     """
@@ -123,6 +125,12 @@ def numbers(table: Path, hemisphere: str | None) -> Figure:
         axes = figure.subplots(_ROWS, columns, width_ratios=[1.0] * (columns - 1) + [0.62]).ravel()
         for axis, (column, label) in zip(axes, _PANELS.items(), strict=True):
             axis.plot(rows["gestational_age"], rows[column], color=BLUE, label="this run")
+            if column in _ERRORS and rows[_ERRORS[column][0]].notna().any():
+                error, sign = _ERRORS[column]
+                axis.plot(
+                    rows["gestational_age"], rows[column] + sign * rows[error], ":", color=BLUE,
+                    label="with far smaller cells, estimated",
+                )  # fmt: skip
             axis.set(xlabel="gestational\nage (weeks)" if column in _SMALL else "gestational age (weeks)", ylabel=label)
             if column == "min_j":
                 axis.axhline(0, color=VERMILION, linestyle="--", linewidth=0.8)
@@ -137,7 +145,7 @@ def numbers(table: Path, hemisphere: str | None) -> Figure:
                 _fit(axis)
         letter(axes)
         handles, labels = axes[0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+        figure.legend(handles, labels, loc="outside upper center", ncols=min(len(labels), 4))
     return figure
 
 

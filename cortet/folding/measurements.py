@@ -22,8 +22,8 @@ _SMOOTHING = 1.5
 #: radius of the ball of local gyrification over the length of the surface
 _GYRIFICATION = 0.12
 
-#: q and J of a tetrahedron beyond which it counts as distorted and as compressed
-DISTORTED, COMPRESSED = 0.6, 0.5
+#: largest over smallest elastic stretch, and J, beyond which a tetrahedron counts as distorted and as compressed
+DISTORTED, COMPRESSED = 5.0, 0.5
 #: columns of the table, in the order of `Measurements`
 COLUMNS = read_columns(Path(__file__).with_name("data") / "fold_columns.tsv")
 
@@ -44,11 +44,14 @@ class Measurements:
     min_j: float
     inverted: int
     degenerate: int
-    q_max: float
+    distortion: float | None
+    distortion_max: float | None
     distorted_share: float
     compressed_share: float
     gyrification_index: float
+    gyrification_index_error: float | None
     fold_spacing_mm: float | None
+    fold_spacing_error_mm: float | None
     fold_wavelength_mm: float | None
     sulcal_depth_mm: float
     area_mm2: float

@@ -44,7 +44,7 @@ from cortet.folding.stability import longest_step
 from cortet.geometry.filling import require_body
 from cortet.geometry.ordering import curve_order
 from cortet.geometry.topology import boundary_faces
-from cortet.measure.quality import quality, signed_volumes
+from cortet.measure.quality import signed_volumes
 from cortet.meshes import REGION, FloatArray, IntArray, MeshSets, TetMesh
 
 #: steps for which growth is computed at once; then its work is added up
@@ -372,8 +372,13 @@ def millimetres(run: Run, moment: Moment) -> FloatArray:
     return run.scale.origin + run.scale.length * run.growth.frame(moment.time) * moment.state.x
 
 
-def measured(run: Run, moment: Moment) -> Measurements:
-    """Measure the body in its present state; its J and growth are left in `moment.work`."""
+def measured(run: Run, moment: Moment, distortion: FloatArray) -> Measurements:
+    """Measure the body in its present state; its J and growth are left in `moment.work`.
+
+    Parameters
+    ----------
+    distortion : (m,), of each element, as `mechanics.distortion` gives it
+    """
     work = moment.work
     kinetic, elastic = _energies(run, moment, moment.time - moment.dt / 2)
     _energies_at(run, moment, moment.state.x, moment.time)  # volumes are those of now
@@ -381,7 +386,7 @@ def measured(run: Run, moment: Moment) -> Measurements:
     missing = kinetic + elastic + dissipated - moment.growth_work - pushed
     flow = abs(moment.growth_work) + abs(pushed)
     inverted = int((~(work.current > 0)).sum())
-    j, q = work.current / work.grown, quality(moment.state.x, run.mesh.cells)
+    j = work.current / work.grown
     points = millimetres(run, moment)
     cortex = float(work.share @ work.current) * (run.scale.length * run.growth.frame(moment.time)) ** 3
     return Measurements(
@@ -398,8 +403,11 @@ def measured(run: Run, moment: Moment) -> Measurements:
         inverted=inverted,
         degenerate=int(work.counts[0]),
         contacts=int(work.counts[1]),
-        q_max=float(q.max()),
-        distorted_share=float((q > DISTORTED).mean()),
+        distortion=None if inverted else float(np.average(distortion, weights=work.grown)),
+        distortion_max=None if inverted else float(distortion.max()),
+        distorted_share=float((distortion > DISTORTED).mean()),
         compressed_share=float((j < COMPRESSED).mean()),
+        gyrification_index_error=None,
+        fold_spacing_error_mm=None,
         **shape(points, run.faces, run.body.held, cortex),
     )

@@ -66,8 +66,8 @@ def _grown(model: str, changed: str, verdicts: list[Mapping[str, Any]]) -> str:
     return (
         f"{counted(len(verdicts), 'fold')} by growth of the cortex (model {model}, {changed or 'default settings'}) "
         f"{was} simulated, from a gestational age of {start} weeks until one of {end} weeks. At the end the "
-        f"gyrification index was {_range(index, '.3f')}; at most {distorted:.1%} of the deformed tetrahedra had a q "
-        "above 0.6."
+        f"gyrification index was {_range(index, '.3f')}; at most {distorted:.1%} of the tetrahedra had an "
+        "elastic distortion, the largest over the smallest stretch, above 5."
     )
 
 

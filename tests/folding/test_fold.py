@@ -169,6 +169,8 @@ def test_a_fold_of_strained_tetrahedra_says_from_which_week_on(ball, tmp_path):
     assert said.startswith(f"from {compressed['gestational_age'].iloc[0]:.1f} weeks on more than 0.1 %")
     assert verdict.compressed_share == pytest.approx(rows["compressed_share"].max(), rel=1e-5)
     assert verdict.distorted_share == pytest.approx(rows["distorted_share"].max(), rel=1e-5)
+    assert rows["distortion"].iloc[0] == 1 < rows["distortion"].iloc[1] < rows["distortion_max"].iloc[1]
+    assert verdict.distortion_max == pytest.approx(rows["distortion_max"].max(), rel=1e-5)
 
 
 def test_the_methods_paragraph_tells_of_folds(finished):

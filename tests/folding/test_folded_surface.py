@@ -17,9 +17,10 @@ from cortet.errors import InputError
 from cortet.folding.folded_surface import folded_surface, maps_of
 from cortet.folding.growth import time_of
 from cortet.folding.kernels import elastic_forces, nodal_forces
+from cortet.folding.law import growth_share, own_growth
 from cortet.folding.measurements import gaussian_curvature, local_gyrification
 from cortet.folding.measures import MEASURES, surface_files, weeks_in
-from cortet.folding.mechanics import mechanics
+from cortet.folding.mechanics import distortion, mechanics
 from cortet.folding.run import advance_to, beginning, measured, prepared
 from cortet.formats import vtu
 from cortet.formats.gifti import read_surface, write_surface
@@ -61,7 +62,7 @@ def test_the_stress_is_the_one_that_moves_the_nodes():
     run = prepared(ball_mesh(2, radius=10.0), settings)
     moment = beginning(run)
     advance_to(run, moment, time_of(22.3))
-    measured(run, moment)
+    measured(run, moment, distortion(run, moment))
     felt = mechanics(run, moment)
     x, cells = moment.state.x, run.mesh.cells
     gradients = np.linalg.inv(x[cells[:, 1:]] - x[cells[:, :1]]).transpose(0, 2, 1)
@@ -74,6 +75,32 @@ def test_the_stress_is_the_one_that_moves_the_nodes():
     assert np.abs(expected).max() > 0
     assert total == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
     assert felt.stretch.max() > 1.001
+
+
+def test_the_elastic_distortion_is_that_of_what_growth_does_not_explain():
+    settings = Settings(gestational_age=22.0, force=True, end=30.0, thickness=3.0, model="braingrowth")
+    run = prepared(ball_mesh(2, radius=10.0), settings)
+    moment = beginning(run)
+    stretched = moment.state.x * [1.0, 1.3, 0.9]
+    moment.state = moment.state._replace(x=stretched)
+    assert distortion(run, moment) == pytest.approx(1.3 / 0.9)
+    moment.state = moment.state._replace(x=stretched * [1.0, 1.0, -1.0])
+    assert np.isinf(distortion(run, moment)).all()
+
+    moment = beginning(run)
+    advance_to(run, moment, time_of(28.0))
+    body, x = moment.body, moment.state.x
+    growth = run.growth.at(np.array([moment.time]), moment.dt)
+    share = np.vectorize(growth_share)(body.depth, body.thickness + growth.thickening[0], body.mask)
+    along, across = own_growth(share, body.amount, *growth.growth[0][body.label].T)
+    n = body.normals[:, :, None]
+    grown = np.eye(3) * (1 + along)[:, None, None] + (across - along)[:, None, None] * n * n.transpose(0, 2, 1)
+    edges = (x[body.cells[:, 1:]] - x[body.cells[:, :1]]).transpose(0, 2, 1)
+    whole = edges @ body.gradients  # of x by the positions at the start
+    singular = np.linalg.svd(whole @ np.linalg.inv(grown), compute_uv=False)
+    expected = singular[:, 0] / singular[:, 2]
+    assert expected.max() > 1.1
+    assert distortion(run, moment) == pytest.approx(expected, rel=1e-9)
 
 
 def test_curvature_and_gyrification_of_a_ball():

@@ -21,6 +21,7 @@ PAGE = (ROOT / "docs/gallery.md").read_text()
 def test_an_example_runs(script, tmp_path, monkeypatch):
     """Its own last lines say what must hold."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", [script.name])
     assert re.search(r"^ *assert .", script.read_text(), re.MULTILINE)
     runpy.run_path(str(script), run_name="__main__")
     for picture in tmp_path.glob("*.png"):

@@ -56,15 +56,17 @@ def test_folds_are_measured_by_week_beside_real_brains(tmp_path):
     for age in (24, 25):
         write_surface(phantom(float(age), subdivisions=4), tmp_path / f"{age}.surf.gii")
     brain = {"surface": "24.surf.gii", "ga": 24, "hemi": "L"}
-    study = {"brains": {"a": brain}, "weeks": [24, 24.3], "cell_size": [6.0]}
+    study = {"brains": {"a": brain}, "weeks": [24, 24.3], "cell_size": [6.0, 5.0]}
     study["levers"] = {"usual": {}, "uneven": {"undulation": {"mean_mm": 3, "sd_mm": 0.3, "length_mm": 6, "seed": 0}}}
     real = {"young": {**brain, "ga": 24}, "old": {**brain, "surface": "25.surf.gii", "ga": 25}}
     study["real"] = {**real, "newborn": {**real["old"], "born": True}}
     run(tmp_path, {"settings": {"fold": FOLD}, "late": study})
     rows = rows_of(tmp_path / "results/table-late.tsv")
-    assert [row["kind"] for row in rows] == ["newborn", "fetus", "fetus", *["uneven"] * 2, *["usual"] * 2]
+    assert [row["kind"] for row in rows] == ["newborn", "fetus", "fetus", *[*["uneven"] * 2, *["usual"] * 2] * 2]
     assert float(rows[5]["area_cm2"]) < float(rows[6]["area_cm2"]) < float(rows[1]["area_cm2"])
-    assert "24.3 weeks" in (tmp_path / "results/table-late.txt").read_text()
+    words = (tmp_path / "results/table-late.txt").read_text()
+    assert "24.3 weeks" in words
+    assert "| usual | 6 | 5 | 24.3 | 1 |" in words
 
 
 def test_later_surfaces_of_a_series_are_predicted_and_compared(tmp_path):
