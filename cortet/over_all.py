@@ -9,8 +9,8 @@ from __future__ import annotations
 import json
 import logging
 import os
-from collections.abc import Iterable, Mapping
-from contextlib import chdir
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import chdir, contextmanager
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -23,8 +23,7 @@ from cortet.cohort.layout import beside, filled
 from cortet.cohort.outdated import set_aside
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import read_sheet
-from cortet.cohort.states import States, read_states
-from cortet.cohort.status import COLUMNS
+from cortet.cohort.states import COLUMNS, States, read_states
 from cortet.config import load
 from cortet.errors import CortetError, InputError
 from cortet.folding.plan import Folds, folds_on_page
@@ -100,23 +99,17 @@ def is_of_run(config: Mapping[str, Any], output: Path) -> bool:
     return bool(earlier) and all(earlier.get(key) == now.get(key) for key in ("sheet", "dataset"))
 
 
-def plan_of_run(output: Path) -> tuple[Plan, list[str]]:
+@contextmanager
+def last_run(output: Path) -> Iterator[tuple[Plan, list[str]]]:
     """The plan of the last run that wrote to an output folder, and the rules over all cases that it asked for.
 
-    Names of its files are relative to the folder of the run, in which the process has to be.
-    """
-    record = run_record(output)
-    return plan_of({**record["config"], "output": os.path.relpath(output)}), list(record["asked"])
-
-
-def folder_of_run(output: Path) -> Path:
-    """The folder in which the last run was started that wrote to an output folder.
+    Meanwhile the process is in the folder in which the run was started: names of files are relative to it.
 
     Raises
     ------
-    InputError : no run recorded its configuration there, or its folder is missing
+    InputError : no run recorded its configuration there, or its folder or its sheet is missing
     """
-    record = run_record(output)
+    output, record = output.absolute(), run_record(output)
     if not {"config", "asked", "folder"} <= record.keys():
         remedy = "name the output folder of `snakemake` or `cortet run`"
         raise InputError("the folder has no configuration of a cortet run", file=output, remedy=remedy)
@@ -124,7 +117,8 @@ def folder_of_run(output: Path) -> Path:
     if not folder.is_dir():
         remedy = "move the output folder back next to it, or restart the run"
         raise InputError("the folder of the run is missing", file=folder, remedy=remedy)
-    return folder
+    with chdir(folder):
+        yield plan_of({**record["config"], "output": os.path.relpath(output)}), list(record["asked"])
 
 
 def report(output: Path, *, after: Literal["success", "failure"] | None = None) -> list[Path]:
@@ -141,59 +135,33 @@ def report(output: Path, *, after: Literal["success", "failure"] | None = None) 
 
     Raises
     ------
-    InputError : no run recorded its configuration there, or its folder or its sheet is missing
+    InputError : as `last_run`
     """
-    output = output.absolute()
-    with chdir(folder_of_run(output)):
-        return [Path(path).absolute() for path in _report(output, after)]
-
-
-def _report(output: Path, after: Literal["success", "failure"] | None) -> list[str]:
-    plan, asked = plan_of_run(output)
-    for moved in set_aside(read_states(plan)):
-        logger.warning("%s", moved)
-    states = read_states(plan)
-    if after is None:
-        _describe(plan)
-    written = _write_failure_pages(states)
-    wanted = {None: {*asked, *OF_COHORT}, "failure": {*asked}, "success": set[str]()}[after]
-    if Path(plan.layout.cohort_page).exists():
-        wanted.add("cohort_tables")  # of which it is made
-    for rule, result in results(states).items():
-        made_by_run = after == "success" and (rule in asked or not all(map(_exists, result.inputs())))
-        if made_by_run or not (rule in wanted or any(map(_exists, result.files))):
-            continue
-        if rule in OF_COHORT or states.measured_certificates():
-            result.write()
+    with last_run(output) as (plan, asked):
+        for moved in set_aside(read_states(plan)):
+            logger.warning("%s", moved)
+        states = read_states(plan)
+        if after is None:
+            _describe(plan)
+        written = _write_failure_pages(states)
+        wanted = {None: {*asked, *OF_COHORT}, "failure": {*asked}, "success": set[str]()}[after]
+        if Path(plan.layout.cohort_page).exists():
+            wanted.add("cohort_tables")  # of which it is made
+        for rule, result in results(states).items():
+            made_by_run = after == "success" and (rule in asked or not all(map(_exists, result.inputs())))
+            if made_by_run or not (rule in wanted or any(map(_exists, result.files))):
+                continue
+            if rule in OF_COHORT or states.measured():
+                result.write()
+            else:
+                _delete(result.files)
+            written += filter(_exists, result.files)
+        if after == "success":
+            _update_states(states)
         else:
-            _delete(result.files)
-        written += filter(_exists, result.files)
-    if after == "success":
-        _update_states(states)
-    else:
-        with atomic_path(Path(plan.layout.output) / REPORTED) as temporary:
-            temporary.write_text(datetime.now().isoformat(), encoding="utf-8")
-    return written
-
-
-def aggregate(config: Mapping[str, Any], output: Path, *, dry_run: bool = False) -> None:
-    """Make the results over all cases of the meshes that earlier runs left; the caller holds the lock of the folder.
-
-    Parameters
-    ----------
-    config : content of a configuration, whose sheet names the cases
-    dry_run : only check that there is a mesh
-
-    Raises
-    ------
-    InputError : no case of the sheet has a certificate there
-    """
-    plan = plan_of(config)
-    if not read_states(plan).measured_certificates():
-        raise InputError("has no mesh of these cases yet", file=output, remedy="run the participant level first")
-    if not dry_run:
-        remember_run(plan, config, {*run_record(output).get("asked", []), *OF_COHORT})
-        report(output)
+            with atomic_path(Path(plan.layout.output) / REPORTED) as temporary:
+                temporary.write_text(datetime.now().isoformat(), encoding="utf-8")
+        return [Path(path).absolute() for path in written]
 
 
 def _exists(path: str) -> bool:
@@ -208,7 +176,8 @@ def _delete(files: Iterable[str]) -> None:
 def _write_failure_pages(states: States) -> list[str]:
     """Write the pages of meshes that have none of their own, because they or their volumes failed; their paths."""
     plan = states.plan
-    if not states.failures:  # what draws takes a second to load
+    failed = {mesh: state for mesh, state in states.of.items() if not state.verdict or state.stage == "volumes"}
+    if not failed:  # what draws takes a second to load
         return []
     from cortet.formats import gifti
     from cortet.report.case_page import about, write_failure_page
@@ -216,9 +185,7 @@ def _write_failure_pages(states: States) -> list[str]:
 
     written = []
     pages, small = plan.each_case(plan.layout.case_page), plan.each_case(plan.layout.thumbnail)
-    for mesh, failure in states.failures.items():
-        if states.is_measured(mesh) and failure["stage"] != "volumes":
-            continue
+    for mesh, state in failed.items():
         case, job, page = plan.cases[mesh[0]], plan.job(mesh), pages[mesh]
         given = existing(filled(plan.layout.surface("phantom"), job) if case.is_phantom else case.surface)
         surface, trouble = None, "There is no such file."
@@ -227,7 +194,7 @@ def _write_failure_pages(states: States) -> list[str]:
         except CortetError as error:
             trouble = f"cortet cannot draw it: {error}"
         facts, cohort = about(Jobs(plan).page_facts(job)), beside(plan.layout.cohort_page, page)
-        write_failure_page(case.name, failure, page, surface=surface, trouble=trouble, facts=facts, cohort=cohort)
+        write_failure_page(case.name, vars(state), page, surface=surface, trouble=trouble, facts=facts, cohort=cohort)
         with atomic_path(small[mesh]) as temporary:
             temporary.write_bytes(thumbnail(surface, cast(Literal["L", "R"] | None, case.hemi)))
         written.append(page)
@@ -303,7 +270,7 @@ def cohort_page(states: States) -> Results:
     def inputs() -> list[str]:
         return [
             tables["status"][0],
-            *(tables["quality"][:2] if states.measured_certificates() else []),
+            *(tables["quality"][:2] if states.measured() else []),
             *(tables["tissues"][:1] if states.tissue_tables() else []),
             *plan.each_case(plan.layout.thumbnail).values(),
             *(path for hemi in maps for path in states.maps(hemi).values()),
@@ -312,7 +279,7 @@ def cohort_page(states: States) -> Results:
 
     def facts() -> Any:
         mapped, of_parts = [list(states.maps(hemi)) for hemi in maps], [part.facts for part in parts]
-        return [states.listed_on_page(), mapped, of_parts, _limits(plan)]
+        return [_listed(plan), mapped, of_parts, _limits(plan)]
 
     def write() -> None:
         from cortet.report.figures import cohort_figure, save
@@ -335,6 +302,12 @@ def cohort_page(states: States) -> Results:
     return Results(files, inputs, facts, write)
 
 
+def _listed(plan: Plan) -> list[dict[str, Any]]:
+    """The meshes that the page lists."""
+    pages = plan.each_case(plan.layout.case_page)
+    return [plan.described(mesh) | {"page": beside(page, plan.layout.cohort_page)} for mesh, page in pages.items()]
+
+
 def _citation(plan: Plan) -> list[str]:
     """Files of the methods paragraph of a run, and of its references."""
     return [f"{plan.layout.output}/logs/CITATION{suffix}" for suffix in (".md", ".bib")]
@@ -348,12 +321,13 @@ def _cite(states: States) -> None:
     from cortet.report.records import read_certificate
 
     certificates = [*map(read_certificate, states.measured_certificates())]
+    unmeasured = {mesh[0]: state.reason for mesh, state in states.of.items() if not state.verdict}
     methods, folds = "No mesh has been made.", {}
     for path, run in Folds(plan).runs().items():
         if verdict := verdict_of_fold(Path(path).parent):
             folds[" ".join(filter(None, (run["case"], run["variant"])))] = verdict
     if certificates:
-        methods = methods_text(certificates, plan.sheet, states.unmeasured(), fold_sentences(folds))
+        methods = methods_text(certificates, plan.sheet, unmeasured, fold_sentences(folds))
     write_citation(methods, certificates, *_citation(plan))
 
 
@@ -393,7 +367,7 @@ def _write_page(states: States, *, began: str = "") -> None:
 
     tables = {name: [Path(path) for path in paths] for name, paths in _tables(plan).items()}
     quality, dataset = tables["quality"], plan.config.cohort.dataset
-    measured = bool(states.measured_certificates()) and quality[0].exists()
+    measured = bool(states.measured()) and quality[0].exists()
     figure = Path(_figure(plan)[0])
     small = [Path(path) for path in plan.each_case(plan.layout.thumbnail).values()]
     write_cohort_page(
@@ -402,7 +376,7 @@ def _write_page(states: States, *, began: str = "") -> None:
         plan.layout.cohort_page,
         meshes=[
             {**row, "thumbnail": data_uri(file.read_bytes()) if file.exists() else None}
-            for row, file in zip(states.listed_on_page(), small, strict=True)
+            for row, file in zip(_listed(plan), small, strict=True)
         ],
         figure=figure.read_text(encoding="utf-8", errors="replace") if measured and figure.exists() else "",
         maps={hemi: Path(files[-1]) for hemi, files in _maps(plan).items() if _exists(files[-1])},

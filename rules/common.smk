@@ -21,7 +21,7 @@ from cortet.cohort.inputs import existing, existing_of
 from cortet.cohort.jobs import Jobs
 from cortet.cohort.layout import EXPORTED, LABELS, WILDCARDS, beside, filled, inner_of
 from cortet.cohort.lock import require_free
-from cortet.cohort.states import States, edited_exports, made_otherwise
+from cortet.cohort.states import States, read_states
 from cortet.cohort.user_files import content
 from cortet.config import keys_not_given, read
 from cortet.errors import CortetError
@@ -44,16 +44,18 @@ def told_at_start():
         read(Path(file))
     require_own_output(CONFIG.output, CONFIG.cohort.dataset)
     require_free(CONFIG.output)
-    edited = [sentence for mesh in PLANNED.meshes() for sentence in edited_exports(PLANNED, mesh)]
-    told = [*notices(CONFIG), *PLANNED.notices(), *edited]
+    again = [state for state in read_states(PLANNED).of.values() if state.state == "unfinished" and state.remedy]
+    edited, others = ([one for one in again if (one.stage == "export") is is_edited] for is_edited in (True, False))
+    told = [*notices(CONFIG), *PLANNED.notices(), *(state.in_words for state in edited)]
     if "sheet" in GIVEN.get("cohort", {}) and (defaults := keys_not_given(config, GIVEN)):
         told.append(
             f"config.yaml in {Path.cwd()} sets keys that your own configuration does not: {'; '.join(defaults)}"
         )
-    if OTHERS:
+    if others:
+        rules = " ".join(sorted({state.stage for state in others}))
         told.append(
-            f"meshes with other settings, surfaces or versions than the present ones, or edited ones: {len(OTHERS)}. "
-            f"If this run has no jobs for them, `snakemake --forcerun {' '.join({*OTHERS.values()})}` remakes them"
+            f"meshes with other settings, surfaces or versions than the present ones, or edited ones: {len(others)}. "
+            f"If this run has no jobs for them, `snakemake --forcerun {rules}` remakes them"
         )
     return told
 
@@ -65,7 +67,6 @@ try:
     PLAN = replace(PLANNED, waited_for=waited_for)
     CONFIG, SETTINGS, CASES = PLAN.config, PLAN.settings, PLAN.cases
     RESULTS = results(States(PLAN))
-    OTHERS = made_otherwise(PLANNED) if workflow.is_main_process else {}
     for warning in told_at_start() if workflow.is_main_process else []:
         logger.warning(warning)
 except CortetError as error:
@@ -124,31 +125,16 @@ def by_content(function):
     return files
 
 
-def as_made(pattern):
-    """The last mesh or its certificate. One that was edited counts as old: the job would refuse it, and Snakemake first
-    deletes what the job made before.
-    """
-
-    def file(wildcards):
-        path = filled(pattern, wildcards)
-        if (wildcards.case, int(wildcards.res), wildcards.mesher) not in OTHERS or wildcards.setting:
-            return path
-        # one of the two is always looked at, so that the job runs again after the last stage
-        holds = certificate_of(filled(LAYOUT.certificate, wildcards)).get("made_from")
-        is_edited = (pattern == LAYOUT.certificate) == (holds != JOBS.made_from("solver_ready", wildcards))
-        return ancient(path) if is_edited and Path(path).exists() else path
-
-    return file
-
-
-#: the mesh at the end of the line
-LAST_MESH = as_made(LAYOUT.mesh(LABELS["solver_ready"]))
-CERTIFICATE = as_made(LAYOUT.certificate)
+#: the mesh at the end of the line and its certificate. One that was edited makes no job run again: the job would refuse
+#: it, and Snakemake first deletes what the job made before. When the last stage runs again, its report says so
+LAST_MESH = ancient(LAYOUT.mesh(LABELS["solver_ready"]))
+CERTIFICATE = ancient(LAYOUT.certificate)
+LAST_REPORT = LAYOUT.mesh(LABELS["solver_ready"], "tetmesh.json")
 
 
 def mesh_with_volumes(wildcards):
     """The mesh at the end of the line, with what its volumes hold if the case has some."""
-    return LAYOUT.mesh(LABELS["solver_ready"], "volumes.vtu") if CASES[wildcards.case].volumes else LAST_MESH(wildcards)
+    return LAYOUT.mesh(LABELS["solver_ready"], "volumes.vtu") if CASES[wildcards.case].volumes else LAST_MESH
 
 
 def surface_of(stage):

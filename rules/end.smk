@@ -12,19 +12,10 @@ from cortet.cohort.app import outcome, workflow as of_workflow
 from cortet.cohort.lock import hold, is_held_by_parent
 from cortet.cohort.outdated import set_aside
 from cortet.cohort.states import States, read_states
-from cortet.cohort.status import in_words
 from cortet.over_all import is_of_run, remember_run
 
-FOLDER = of_workflow()  # the main Snakefile may be a user's, which includes ours
 HELD = []  # files whose locks last until the end of this process
 HAD_RESULTS = Path(f"{OUT}/cohort").is_dir()  # which may be older than what this run makes
-
-
-def report_what_is_there(after):
-    """Make tables, figures and pages over all cases in a process of its own, which has seconds to work in."""
-    path = os.pathsep.join(filter(None, [str(FOLDER), os.environ.get("PYTHONPATH")]))
-    command = [sys.executable, "-m", "cortet.cli", "cohort", "report", "--after", after, OUT]
-    subprocess.run(command, check=False, env=os.environ | {"PYTHONPATH": path}, stdout=subprocess.DEVNULL)
 
 
 onstart:
@@ -46,7 +37,10 @@ onstart:
 def end_run(after):
     """Make what is over all cases, and say what became of them, unless `cortet run` started this and will say it."""
     if not workflow.touch and (HAD_RESULTS or after == "failure"):
-        report_what_is_there(after)
+        # in a process of its own, which has seconds to work in
+        path = os.pathsep.join(filter(None, [str(of_workflow()), os.environ.get("PYTHONPATH")]))
+        command = [sys.executable, "-m", "cortet.cli", "cohort", "report", "--after", after, OUT]
+        subprocess.run(command, check=False, env=os.environ | {"PYTHONPATH": path}, stdout=subprocess.DEVNULL)
     if HELD:
         logger.warning(outcome(read_states(PLANNED), Path(OUT), page="cohort_page" in ASKED))
 
@@ -56,7 +50,7 @@ onsuccess:
 
 
 onerror:
-    for (case, *_), failure in read_states(PLANNED).failures.items():
-        if failure["state"] != "unfinished":
-            logger.error(f"{case}: {failure['stage']}: {in_words(failure)}")
+    for (case, *_), state in read_states(PLANNED).of.items():
+        if state.state == "failed":
+            logger.error(f"{case}: {state.stage}: {state.in_words}")
     end_run("failure")

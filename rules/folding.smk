@@ -14,6 +14,7 @@ rule fold:
     """
     input:
         mesh=LAST_MESH,
+        made=LAST_REPORT,
     output:
         verdict=FOLDS.fold("verdict.json"),
         table=FOLDS.fold("fold.tsv"),
@@ -41,6 +42,7 @@ rule folded_surface:
     input:
         series=rules.fold.output.series,
         mesh=LAST_MESH,
+        made=LAST_REPORT,
         meshed=INPUTS.meshed_surface,
         surface=by_content(SOURCES.surface),
     output:

@@ -8,6 +8,7 @@ rule case_page:
         meshed=INPUTS.meshed_surface,
         inner=INPUTS.inner_surfaces,
         mesh=LAST_MESH,
+        made=LAST_REPORT,
         certificate=CERTIFICATE,
         tissues=INPUTS.tissues,
     output:
@@ -41,6 +42,7 @@ rule case_maps:
         inner=INPUTS.inner_surfaces,
         fields=INPUTS.fields,
         mesh=LAST_MESH,
+        made=LAST_REPORT,
     output:
         maps=LAYOUT.mesh("Solver", "maps.surf.gii"),
     log:
@@ -62,6 +64,7 @@ rule volumes:
     """What the volumes of a case hold inside each tetrahedron; the table of their labels, and slices with the mesh in them."""
     input:
         mesh=LAST_MESH,
+        made=LAST_REPORT,
         surface=INPUTS.meshed_surface,
         inner=INPUTS.inner_surfaces,
         volumes=by_content(existing_of(SOURCES.volume_paths)),
@@ -84,6 +87,7 @@ rule volumes:
         names_of_volumes=names_of("volumes"),
         paths=derived(SOURCES.volume_paths),
         input_sha256=lambda wildcards: content(SOURCES.volume_paths(wildcards)),
+        fields=lambda wildcards: content(SOURCES.field_paths(wildcards)),  # which the mesh carries along
     script:
         "../scripts/volumes.py"
 
@@ -92,6 +96,7 @@ rule export:
     """The mesh as a solver reads it, with its sets and a sidecar, verified as written; refused when it is not certified."""
     input:
         mesh=mesh_with_volumes,
+        made=LAST_REPORT,
         certificate=CERTIFICATE,
         surface=INPUTS.meshed_surface,
         inner=INPUTS.inner_surfaces,
@@ -108,6 +113,7 @@ rule export:
         **asked("export"),
     params:
         made_from=made_from("export"),
+        certified_from=derived(JOBS.certified_from),
         arguments=lambda wildcards: CONFIG.export_arguments(EXPORTED[wildcards.suffix]),
         version=version_of("solver_files.export"),
         sets=lambda wildcards: CONFIG.export.sets(SOURCES.kind_of_surface(wildcards)),
@@ -128,6 +134,7 @@ if CONFIG.export.ten_nodes:
         """The mesh with elements of ten nodes that follow the surface, for solvers; refused when it is not certified."""
         input:
             mesh=mesh_with_volumes,
+            made=LAST_REPORT,
             certificate=CERTIFICATE,
             surface=INPUTS.meshed_surface,
             inner=INPUTS.inner_surfaces,
@@ -143,6 +150,7 @@ if CONFIG.export.ten_nodes:
             **asked("ten_nodes"),
         params:
             made_from=made_from("ten_nodes"),
+            certified_from=derived(JOBS.certified_from),
             version=versions("solver_files.ten_nodes", "solver_files.export"),
             max_boundary_distance=CONFIG.certify.max_boundary_distance,
             sets=lambda wildcards: CONFIG.export.sets(SOURCES.kind_of_surface(wildcards)),
@@ -162,7 +170,10 @@ if CONFIG.export.uncertified:
             LAYOUT.certificate,
         output:
             report=LAYOUT.log("verdict", MESH, kind="txt"),
+        log:
+            LAYOUT.log("verdict", MESH),
         localrule: True
         run:
             told = certificate_of(input[0]).get("verdict", "its certificate was edited")
-            Path(output.report).write_text(f"{told}\n", encoding="utf-8")
+            for file in (output.report, log[0]):
+                Path(file).write_text(f"{told}\n", encoding="utf-8")

@@ -6,11 +6,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cortet.errors import StageError
 from cortet.formats import gifti, vtu
 from cortet.formats.volumes import label_names, volume_file
+from cortet.report.records import read_certificate
 
 if TYPE_CHECKING:
     from cortet.meshes import TetMesh, TriSurface
+
+
+def certificate_as_planned(inputs: Any, params: Any) -> dict[str, Any]:
+    """The certificate of a job; StageError if it was made from something else than planned."""
+    certificate = read_certificate(inputs.certificate)
+    if certificate.get("made_from") != params.certified_from:
+        what = "was made from another surface or other settings, or by another version of cortet, than this run"
+        remedy = "`cortet cohort report` names the rule from which on to run again, with `snakemake --forcerun`"
+        raise StageError(what, file=inputs.certificate, remedy=remedy)
+    return certificate
 
 
 def read_made(inputs: Any, params: Any) -> tuple[TetMesh, TriSurface, dict[str, Any]]:

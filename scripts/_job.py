@@ -1,7 +1,7 @@
 """What every script of the workflow begins with: `job = start(snakemake)`.
 
 A job writes everything to its log. While it runs, and if it fails, a file beside the log says so
-(`cortet.cohort.status`); a job that succeeds deletes it. To run a job again in a debugger, let Snakemake keep its
+(`cortet.cohort.failures`); a job that succeeds deletes it. To run a job again in a debugger, let Snakemake keep its
 script, which holds the job: `snakemake --cores 1 --skip-script-cleanup FILE`, then
 `python -m pdb -c continue .snakemake/scripts/*.gate.py`.
 """
@@ -20,7 +20,7 @@ import signal
 import sys
 import tempfile
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, Any
 _folder = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(_folder if (_folder / "cortet").is_dir() else _folder.parents[1]))
 
-from cortet.cohort.status import STOPPED, failure_path, write_failure
+from cortet.cohort.failures import STOPPED, failure_path, write_failure
 from cortet.errors import CortetError
 from cortet.formats import child
 from cortet.formats.ownership import delete_abandoned
@@ -113,8 +113,10 @@ def start(snakemake: Any) -> Job:
     _use_own_temporary_folder(log)
     if "pdb" not in sys.modules:  # a debugger has the terminal
         _log_to(log)
-    sys.excepthook = partial(_log_failure, log, snakemake)
-    write_failure(log, *_identity(snakemake))
+    made_from = snakemake.params.get("made_from")
+    tell = partial(write_failure, log, snakemake.rule, dict(snakemake.wildcards), made_from)
+    sys.excepthook = partial(_log_failure, tell)
+    tell()
     atexit.register(_forget, failure_path(log))
     logger.info("%s of %s with %s", snakemake.rule, dict(snakemake.wildcards), dict(snakemake.params))
     if seconds := snakemake.resources.get("time_limit", 0):
@@ -124,11 +126,6 @@ def start(snakemake: Any) -> Job:
     for output in map(Path, snakemake.output):  # what an attempt that was killed has left
         delete_abandoned(output.parent, glob.escape(output.name))
     return Job(snakemake.input, snakemake.output, snakemake.params, snakemake.wildcards)
-
-
-def _identity(snakemake: Any) -> tuple[str, dict[str, str], str | None]:
-    """Rule, wildcards and `made_from` of a job."""
-    return snakemake.rule, dict(snakemake.wildcards), snakemake.params.get("made_from")
 
 
 def _use_own_temporary_folder(log: Path) -> None:
@@ -156,7 +153,7 @@ def _forget(path: Path) -> None:
 
 
 def _log_failure(
-    log: Path, snakemake: Any, kind: type[BaseException], error: BaseException, trace: TracebackType | None
+    tell: Callable[..., None], kind: type[BaseException], error: BaseException, trace: TracebackType | None
 ) -> None:
     if issubclass(kind, KeyboardInterrupt):
         error = CortetError(STOPPED)
@@ -164,4 +161,4 @@ def _log_failure(
         traceback.print_exception(kind, error, trace)
         error = CortetError(": ".join(filter(None, (kind.__name__, str(error)))))
     logger.error("%s", error)
-    write_failure(log, *_identity(snakemake), error)
+    tell(error=error)

@@ -10,6 +10,7 @@ gc.disable()  # to look for garbage among what VTK and Matplotlib load takes a t
 
 from cortet.formats import gifti, vtu
 from cortet.formats.atomic import atomic_path
+from cortet.formats.certificates import OF_SOLVERS, OF_UNCERTIFIED
 from cortet.formats.placement import placed
 from cortet.formats.tsv import read_tsv
 from cortet.geometry.topology import boundary_surface
@@ -20,7 +21,7 @@ from cortet.report.records import read_certificate
 given, params = job.input, job.params
 certificate = read_certificate(given.certificate)
 exported = certificate["certified"] or params.exported["uncertified"]
-label, what = ("Solver", "the result") if certificate["certified"] else ("Uncertified", "not certified")
+label, what = (OF_SOLVERS, "the result") if certificate["certified"] else (OF_UNCERTIFIED, "not certified")
 names = [(name.format(label=label), form) for name, form in params.exported["names"]]
 mesh = vtu.read(given.mesh)
 page = Checked(

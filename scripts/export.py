@@ -7,11 +7,10 @@ from _job import start
 
 job = start(snakemake)
 
-from _exported import read_made
+from _exported import certificate_as_planned, read_made
 
-from cortet.cohort.layout import OF_UNCERTIFIED
+from cortet.formats.certificates import OF_UNCERTIFIED
 from cortet.meshes import by_region
-from cortet.report.records import read_certificate
 from cortet.solver_files.export import export_made
 from cortet.solver_files.meshed import Origin
 
@@ -22,7 +21,7 @@ told = export_made(
     mesh,
     surface,
     Path(job.output.mesh),
-    certificate=read_certificate(job.input.certificate),
+    certificate=certificate_as_planned(job.input, job.params),
     origin=Origin(
         job.params.given,
         by_region(Path(job.input.surface), inner),

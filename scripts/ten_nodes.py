@@ -6,11 +6,10 @@ from _job import start
 
 job = start(snakemake)
 
-from _exported import read_made
+from _exported import certificate_as_planned, read_made
 
-from cortet.cohort.layout import OF_UNCERTIFIED
+from cortet.formats.certificates import OF_UNCERTIFIED
 from cortet.geometry.quadratic import quadratic
-from cortet.report.records import read_certificate
 from cortet.solver_files.export import require_certified, with_sets
 from cortet.solver_files.meshed import Origin
 from cortet.solver_files.ten_nodes import write_ten_nodes
@@ -18,7 +17,7 @@ from cortet.solver_files.ten_nodes import write_ten_nodes
 job.require_unchanged_input()
 mesh, surface, named = read_made(job.input, job.params)
 mesh, _ = with_sets(mesh, surface, Origin(fields=job.params.paths), **named)
-certificate = read_certificate(job.input.certificate)
+certificate = certificate_as_planned(job.input, job.params)
 targets = [Path(file) for file in job.output[:-1]]
 require_certified(mesh, certificate, targets[0], uncertified=job.wildcards.label == OF_UNCERTIFIED)
 curved = quadratic(mesh, surface, max_boundary_distance=job.params.max_boundary_distance)

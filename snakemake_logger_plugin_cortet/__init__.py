@@ -155,7 +155,7 @@ def reason(log: str) -> str | None:
         story = json.loads(Path(log).with_suffix(".failure.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return "it left no word; see its log"
-    told = str(story.get("reason", "ended without a message: killed, or ran out of memory or time"))
+    told = str(story["reason"])
     if told == "stopped by you":
         return None
     return f"{told} ({story['remedy']})" if story.get("remedy") else told

@@ -172,7 +172,7 @@ def run(
     from cortet.cohort.lock import hold
     from cortet.cohort.states import read_states
     from cortet.config import read
-    from cortet.over_all import aggregate, plan_of, run_record
+    from cortet.over_all import OF_COHORT, plan_of, remember_run, report, run_record
 
     asked: Sequence[str] = levels or list(app.LEVELS)
     settings, alone = configured.settings(), set(asked) == {"group"}
@@ -211,9 +211,14 @@ def run(
                     work, targets, cases=chosen, cores=most, profile=profile, dry_run=dry_run, verbose=verbose
                 )
             if "group" in asked and (alone or not (selection.is_all or dry_run)):
-                aggregate(written, output, dry_run=dry_run)
+                if not read_states(plan).measured():
+                    what, remedy = "has no mesh of these cases yet", "run the participant level first"
+                    raise InputError(what, file=output, remedy=remedy)
+                if not dry_run:
+                    remember_run(plan, written, {*run_record(output).get("asked", []), *OF_COHORT})
+                    report(output)
             states = read_states(plan)
-            found = app.worst_states(states.rows(), names)
+            found = states.worst(names)
             unfinished = [name for name, state in found.items() if state == "unfinished"]
             if alone and unfinished:
                 print(f"no mesh yet: {', '.join(unfinished)} (run the participant level to make them)")

@@ -269,13 +269,14 @@ def outcome(states: States, output: Path, *, page: bool, names: Collection[str] 
     page : whether the run made the page of the cohort
     names : of the cases that the run was asked for; None: all
     """
-    plan, rows = states.plan, states.rows()
-    worst = worst_states(rows, plan.cases if names is None else names)
+    plan = states.plan
+    worst = states.worst(plan.cases if names is None else names)
     if not worst:
         return "the sheet includes no case"
     counts = Counter(worst.values())
     told = [f"{counts[state]} {word}" for state, word in _IN_WORDS.items() if counts[state]]
-    said_more = {row["case"] for row in rows if row.get("verdict_in_words") not in ("certified", None)}
+    verdicts = {mesh: state.verdict.get("verdict", "certified") for mesh, state in states.of.items()}
+    said_more = {mesh[0] for mesh, verdict in verdicts.items() if verdict != "certified"}
     if qualified := sum(state == "certified" and name in said_more for name, state in worst.items()):
         told[0] += f" ({qualified} with repaired surfaces or relaxed limits)"
     words = ", ".join(told)
@@ -285,17 +286,6 @@ def outcome(states: States, output: Path, *, page: bool, names: Collection[str] 
     files = " ".join(f"*{end}" for end in ends if any(name.endswith(end) for name in made))
     meshes = f"meshes: {output}/sub-*/**/mesh/{files}" if files else "no mesh"
     return f"{len(worst)} {'case' if len(worst) == 1 else 'cases'}: {words}; {look}{meshes}"
-
-
-def worst_states(rows: Iterable[Mapping[str, Any]], names: Collection[str]) -> dict[str, str]:
-    """The worst state of each named case, from rows of the table of states."""
-    worst = list(_IN_WORDS)
-    states: dict[str, str] = {}
-    for row in rows:
-        name, state = row["case"], row["state"]
-        if name in names:
-            states[name] = max(states.get(name, state), state, key=worst.index)
-    return states
 
 
 def work_folder(output: Path) -> Path:

@@ -20,6 +20,7 @@ from cortet.cohort.plan import Plan
 from cortet.cohort.resources import cost, expected_tets, expected_volume_ml, memory_to_ask_mb, minutes_to_ask
 from cortet.cohort.user_files import content
 from cortet.config import Config
+from cortet.formats.ownership import json_of
 from cortet.stages import STAGES, certify_record
 from cortet.stages.stage import About, Stage, Values
 
@@ -127,6 +128,18 @@ class Jobs:
         digests = {name: now or unread.get(name) for name, now in content(read).items()}
         told = json.dumps([rule, done, digests, *more], default=str)
         return hashlib.sha256(told.encode()).hexdigest()
+
+    def is_planned(self, rule: str, job: Wildcards, record: Mapping[str, Any]) -> bool:
+        """Whether a result was made from what the plan says, by its record.
+
+        A file of the user that cannot be read counts as the one that the result was made from.
+        """
+        return record.get("made_from") == self.made_from(rule, job, record.get("input_sha256", {}))
+
+    def certified_from(self, job: Wildcards) -> str:
+        """`made_from` of the certificate of a mesh, if that is as planned."""
+        known = json_of(Path(filled(self.plan.layout.certificate, job))).get("input_sha256", {})
+        return self.made_from("solver_ready", job, known)
 
     def reports(self, job: Wildcards) -> list[Report]:
         """The reports from which the last stage makes the certificate of a mesh, and its own."""

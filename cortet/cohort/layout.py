@@ -15,6 +15,7 @@ from typing import Any
 
 from cortet.cohort.sheet import Case
 from cortet.formats import FORMATS, Format
+from cortet.formats.certificates import OF_SOLVERS, OF_UNCERTIFIED
 from cortet.geometry.limits import NAME
 from cortet.stages import MESH_STAGES
 
@@ -23,7 +24,7 @@ Wildcards = Mapping[str, str]
 #: stage -> label of its result in the names of meshes
 LABELS = {name: stage.label for name, stage in MESH_STAGES.items()}
 #: labels of files for solvers: of a certified mesh, and of one that is not
-LABELS_OUT = OF_SOLVERS, OF_UNCERTIFIED = "Solver", "Uncertified"
+LABELS_OUT = (OF_SOLVERS, OF_UNCERTIFIED)
 #: labels of stages whose mesh is the same in every setting
 SHARED = {stage.label for stage in MESH_STAGES.values() if stage.shared_by_settings}
 

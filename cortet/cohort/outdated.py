@@ -11,10 +11,14 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from cortet.cohort.jobs import Jobs
-from cortet.cohort.plan import Plan
+from cortet.cohort.layout import LABELS_OUT
+from cortet.cohort.plan import Mesh, Plan
 from cortet.cohort.sheet import Case
-from cortet.cohort.states import CERTIFICATE, OUTDATED, States, certificates_of, has_other_input
+from cortet.cohort.states import CERTIFICATE, OUTDATED, States, certificates_of
+from cortet.formats import FORMATS
+from cortet.formats.certificates import certificate_of
 from cortet.formats.ownership import files_of, json_of, mesh_of
+from cortet.stages import STAGES
 
 #: ends of the names of what a mesh has that failed
 _OF_FAILURE = ("Solver_report.html", "Solver_thumbnail.webp")
@@ -38,40 +42,57 @@ def set_aside(states: States, *, dropped: bool = False) -> list[str]:
     plan = states.plan
     jobs, told, output = Jobs(plan), list[str](), Path(plan.layout.output)
 
-    def move(case: Case, why: str, entries: Iterable[Path]) -> None:
-        if moved := _move(output / case.folder, entries):
-            told.append(f"{case.name}: {why}, so cortet moved its earlier results to {moved.relative_to(output)}")
+    def move(name: str, folder: Path, why: str, entries: Iterable[Path]) -> None:
+        if moved := _move(folder, entries):
+            told.append(f"{name}: {why}, so cortet moved its earlier results to {moved.relative_to(output)}")
 
-    for case in plan.cases.values():
-        job = {"folder": case.folder, "case": case.name, "res": "any"}
-        changed = [one for one in certificates_of(plan, case) if has_other_input(jobs, job, one)]
-        move(case, "its surface has changed", [path for one in changed for path in _made_with(one)])
-    for mesh, certificate in plan.certificates().items():
-        case, failure = plan.cases[mesh[0]], states.failures.get(mesh, {})
-        if failure.get("state") == "failed" and None not in jobs.sources.input_sha256(plan.job(mesh)).values():
+    for name, case in plan.cases.items():
+        changed = [one for one in certificates_of(plan, case) if _has_other_input(jobs, case, one)]
+        entries = [path for one in changed for path in _made_with(one)]
+        move(name, output / case.folder, "its surface has changed", entries)
+    for mesh in plan.meshes():
+        state, folder = states.state(mesh), output / plan.cases[mesh[0]].folder
+        if state.state == "failed" and None not in jobs.sources.input_sha256(plan.job(mesh)).values():
             # the certificate itself may be gone: Snakemake deletes it before S5 runs again
-            entries = [] if states.is_measured(mesh) else _made_with(certificate)
-            entries = _with_companions(plan.exports(mesh)) if failure["stage"] == "volumes" else entries
-            move(case, f"{failure['stage']} failed", entries)
-        others, label = plan.other_exports(mesh), plan.label_of_exports(mesh)
-        of_another = [path for path in others if _is_of_another_mesh(path, certificate)]
-        move(case, "it now has another mesh", _with_companions(of_another))
-        move(case, "it now has another verdict", _with_companions(path for path in others if label not in path.name))
-        move(case, "the last stage names its mesh Ordered_tetmesh.vtu now", _named_as_results(certificate))
+            entries = [] if state.verdict else _made_with(plan.certificate(mesh))
+            entries = _with_companions(plan.exports(mesh)) if state.stage == "volumes" else entries
+            move(mesh[0], folder, f"{state.stage} failed", entries)
+        move(mesh[0], folder, "it now has another mesh or verdict", _of_another_mesh(plan, mesh))
     excluded = {case.name for case in plan.sheet if not case.include}
     for name, folder in _without_row(plan):
         if dropped or name in excluded:
             left = (path for begin in ("res-", "desc-") for path in folder.glob(f"*/{name}_{begin}*"))
-            if moved := _move(folder, (path for path in left if path.parent.name != "anat")):
-                place = moved.relative_to(output)
-                told.append(f"{name}: the sheet does not include it, so cortet moved its results to {place}")
+            entries = [path for path in left if path.parent.name != "anat"]
+            move(name, folder, "the sheet does not include it", entries)
     return told
 
 
-def _is_of_another_mesh(file: Path, certificate: Path) -> bool:
-    """Whether a file for solvers has, by its sidecar, another mesh than a certificate; false if either is missing."""
-    of_file = mesh_of(file.with_name(f"{file.name}.json"))
-    return of_file is not None and of_file != json_of(certificate).get("mesh_sha256", of_file)
+def _has_other_input(jobs: Jobs, case: Case, certificate: Path) -> bool:
+    """Whether a mesh is known to be made from other files of the user than those that are there."""
+    report = certificate.name.replace(CERTIFICATE, f"{STAGES['solver_ready'].label}_tetmesh.json")
+    made_from = json_of(certificate.with_name(report)).get("input_sha256", {})  # the certificate may be another case's
+    present = jobs.sources.input_sha256({"folder": case.folder, "case": case.name, "res": "any"})
+    return bool(made_from) and any(now and made_from.get(name) != now for name, now in present.items())
+
+
+def _of_another_mesh(plan: Plan, mesh: Mesh) -> list[Path]:
+    """Files of a mesh for solvers that an earlier run was asked for, if its certificate is of another mesh or verdict.
+
+    An earlier version gave the mesh of the last stage, too, the name of a result.
+    """
+    of_certificate = certificate_of(plan.certificate(mesh)).get("mesh_sha256")
+    if of_certificate is None:
+        return []
+    found, layout, asked, own_label = [], plan.layout, plan.exports(mesh), plan.label_of_exports(mesh)
+    for label in LABELS_OUT:
+        for file in (Path(plan.file(one, mesh)) for one in layout.solver_files(FORMATS, FORMATS, label)):
+            is_other = mesh_of(file.with_name(f"{file.name}.json")) not in (None, of_certificate)
+            if file not in asked and (is_other or label != own_label):
+                found += _with_companions([file])
+    if Path(plan.file(layout.mesh("Ordered"), mesh)).exists():
+        ends = ("tetmesh.vtu", "tetmesh.json", "quality.json")
+        found += [path for end in ends if (path := Path(plan.file(layout.mesh("Solver", end), mesh))).exists()]
+    return found
 
 
 def _made_with(certificate: Path) -> list[Path]:
@@ -79,15 +100,6 @@ def _made_with(certificate: Path) -> list[Path]:
     folder, stem = certificate.parents[1], certificate.name.removesuffix(CERTIFICATE)
     found = [path for label in ("Ordered", "Solver", "Folded") for path in folder.glob(f"*/{stem}{label}*")]
     return [] if all(path.name.endswith(_OF_FAILURE) for path in found) else found
-
-
-def _named_as_results(certificate: Path) -> list[Path]:
-    """Files of the last stage by an earlier version, which gave each mesh the name of a result, if it has run again."""
-    ends = ("tetmesh.vtu", "tetmesh.json", "quality.json")
-    stem = certificate.name.removesuffix(CERTIFICATE)
-    if not certificate.with_name(f"{stem}Ordered_tetmesh.vtu").exists():
-        return []
-    return [path for end in ends if (path := certificate.with_name(f"{stem}Solver_{end}")).exists()]
 
 
 def _with_companions(files: Iterable[Path]) -> list[Path]:
@@ -113,7 +125,7 @@ def _move(folder: Path, entries: Iterable[Path]) -> Path | None:
 
     They lose their folder `mesh`, by which people find results.
     """
-    entries = sorted(entries, key=lambda path: (path.name.endswith(CERTIFICATE), path))
+    entries = sorted({*entries}, key=lambda path: (path.name.endswith(CERTIFICATE), path))
     if not entries:
         return None
     numbers = [int(path.name) for path in (folder / OUTDATED).glob("*") if path.name.isdecimal()]

@@ -8,12 +8,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from cortet.cohort.layout import LABELS, LABELS_OUT, OF_SOLVERS, OF_UNCERTIFIED, SHARED, Layout
+from cortet.cohort.layout import LABELS, SHARED, Layout
 from cortet.cohort.selection import ageless_notice
 from cortet.cohort.sheet import Case
 from cortet.config import Config
-from cortet.formats import FORMATS
-from cortet.formats.certificates import certificate_of
+from cortet.formats.certificates import OF_SOLVERS, OF_UNCERTIFIED
+from cortet.formats.ownership import json_of
 from cortet.stages import stages_of
 
 #: a mesh of the line: name of its case, cell size in µm, mesher
@@ -88,9 +88,9 @@ class Plan:
         """The file of a pattern for each of `meshes`."""
         return {mesh: self.file(pattern, mesh) for mesh in self.meshes()}
 
-    def certificates(self) -> dict[Mesh, Path]:
-        """Certificates of all meshes, whether or not they are there."""
-        return {mesh: Path(path) for mesh, path in self.each_case(self.layout.certificate).items()}
+    def certificate(self, mesh: Mesh) -> Path:
+        """The certificate of a mesh, whether or not it is there."""
+        return Path(self.file(self.layout.certificate, mesh))
 
     def exports(self, mesh: Mesh) -> list[Path]:
         """Files of a mesh for solvers that are asked for."""
@@ -98,18 +98,13 @@ class Plan:
         patterns = self.layout.solver_files(export.formats, export.ten_nodes, label)
         return [Path(self.file(pattern, mesh)) for pattern in patterns]
 
-    def other_exports(self, mesh: Mesh) -> list[Path]:
-        """Files of a mesh for solvers that are not asked for, but may have been by an earlier run."""
-        every = [one for label in LABELS_OUT for one in self.layout.solver_files(FORMATS, label=label)]
-        return [path for one in every if (path := Path(self.file(one, mesh))) not in self.exports(mesh)]
-
     def label_of_exports(self, mesh: Mesh) -> str:
         """What the names of files for solvers say of their mesh; a run waits for the verdict if it exports any mesh."""
         if not self.config.export.uncertified:
             return OF_SOLVERS
         if self.waited_for:
             self.waited_for("verdict", **self.job(mesh))
-        certificate = certificate_of(self.file(self.layout.certificate, mesh))
+        certificate = json_of(self.certificate(mesh))  # an edited one is refused by the export
         return OF_SOLVERS if certificate.get("certified", True) else OF_UNCERTIFIED
 
     def final_files(self, mesh: Mesh) -> dict[str, str]:

@@ -1,26 +1,25 @@
 """What became of a run: which of its meshes are there as planned, which failed, and why files are missing.
 
-Reports, certificates and `failure.json`, which a job that fails or is killed leaves beside its log, say what they were
-made from (`Jobs.made_from`). A mesh is finished if its certificate was made from what its plan says; a failure of a job
-that was made from something else does not count.
+Reports, certificates and the record of a failure say what they were made from (`Jobs.made_from`). A mesh is finished if
+its certificate was made from what its plan says; a failure of a job that was made from something else does not count.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from cortet.cohort.failures import Failure, failures
 from cortet.cohort.jobs import Jobs
-from cortet.cohort.layout import Wildcards, beside
 from cortet.cohort.plan import Mesh, Plan
 from cortet.cohort.sheet import Case
-from cortet.cohort.status import STOPPED, failure_reason, in_words
 from cortet.cohort.user_files import content
 from cortet.errors import CortetError
 from cortet.formats.certificates import certificate_of
 from cortet.formats.ownership import changed_of, files_of, json_of
+from cortet.formats.tables import Column
 from cortet.stages import STAGES
 
 #: rules after the certificate: the mesh is measured even if they fail
@@ -34,8 +33,24 @@ ORDER = (*("phantom", "phantom_inner", "fields"), *STAGES, *AFTER_CERTIFICATE)
 OUTDATED = "outdated"
 #: end of the name of a certificate
 CERTIFICATE = "Solver_certificate.json"
-#: what to do about a job that left no word
-_AFTER_A_KILL = "give the job more memory or time, and run again"
+#: states of a mesh; the worst last
+STATES = {
+    "certified": "every number of its certificate is within its limit",
+    "uncertified": "meshed, but not certified; exported only if the configuration allows it",
+    "unfinished": "the run ended before the case was done",
+    "failed": "a stage refused its input, or failed",
+}
+#: columns of `cohort_status.tsv`: a row for each mesh, and for each row that the sheet excludes
+COLUMNS = (
+    Column("case", "Name of the case; files begin with it", heading="Case"),
+    Column("cell_size_mm", "Cell size h", "mm", heading="h (mm)", form="g"),
+    Column("mesher", "Mesher of stage S1", heading="Mesher"),
+    Column("stage", "The job that failed or has to run again; `certify` for a mesh with its certificate"),
+    Column("state", "State of the case", levels={**STATES, "excluded": "the sheet excludes it"}, heading="State"),
+    Column("verdict_in_words", "The verdict: how much of the surface repair made, and which limits were relaxed"),
+    Column("reason", "Why the case is not certified; for a certified case, remarks"),
+    Column("log", "Log of the job that failed, in the output folder"),
+)
 #: why a file is missing, or a mesh unfinished
 _ENDED = "the run ended before this case was done"
 _OTHER_SIZE = "its mesh has a different cell size or mesher than requested"
@@ -44,21 +59,38 @@ _DAMAGED = "its certificate is damaged, edited, or from another version of corte
 
 
 @dataclass(frozen=True)
-class Failure:
-    """A job that failed or was killed."""
+class State:
+    """What became of a mesh."""
 
-    rule: str
-    wildcards: Wildcards
-    #: `Jobs.made_from`, when it was planned
-    made_from: str
-    reason: str
-    #: what to do about it; empty if only its log can tell
-    remedy: str
-    log: Path
+    #: the job that failed or has to run again; `certify` if the certificate and all files after it are there
+    stage: str
+    #: one of `STATES`; a failure of a job after the certificate comes before the verdict
+    state: str
+    reason: str = ""
+    #: what to do about it, if that is known
+    remedy: str = ""
+    #: log of the job that failed, and folder with earlier results; in the output folder
+    log: str = ""
+    earlier: str = ""
+    #: `certified`, `verdict`, `reasons` and `remarks` of the certificate; empty if that is missing or not as planned
+    verdict: Mapping[str, Any] = field(default_factory=dict)
 
-    def is_about(self, **wildcards: object) -> bool:
-        """Whether the job worked for a mesh, as far as its wildcards say: one on a surface works for all its meshes."""
-        return all(self.wildcards.get(key, str(value)) == str(value) for key, value in wildcards.items())
+    @property
+    def in_words(self) -> str:
+        """Reason, remedy, and where earlier results are."""
+        remedy = f" ({self.remedy})" if self.remedy else ""
+        return f"{self.reason}{remedy}" + (f"; earlier results are in {self.earlier}" if self.earlier else "")
+
+    def cells(self) -> dict[str, Any]:
+        """Its cells in the table, where a mesh that is not certified is `uncertified` even if a later job failed."""
+        cells = {"stage": self.stage, "state": self.state, "reason": self.in_words, "log": self.log}
+        if self.verdict and not self.verdict["certified"]:
+            cells |= {"stage": "certify", "state": "uncertified", "reason": "; ".join(self.verdict["reasons"])}
+        return cells | {"verdict_in_words": self.verdict.get("verdict")}
+
+
+#: of every mesh, while a run is planned
+PLANNED = State("certify", "certified", verdict={"certified": True})
 
 
 @dataclass(frozen=True)
@@ -66,22 +98,17 @@ class States:
     """A plan, with what became of it. While a run is planned, nothing has failed and no file is missing."""
 
     plan: Plan
-    #: mesh that failed or is unfinished -> `stage`, `state`, `reason`, `remedy` and `log`
-    failures: Mapping[Mesh, Mapping[str, Any]] = field(default_factory=dict)
+    of: Mapping[Mesh, State] = field(default_factory=dict)
     #: jobs that failed, in the order of the line; None while a run is planned
     failed: Sequence[Failure] | None = None
 
-    def is_measured(self, mesh: Mesh) -> bool:
-        """Whether a mesh has its certificate: it did not fail, or only after the certificate."""
-        return mesh not in self.failures or self.failures[mesh]["stage"] in AFTER_CERTIFICATE
+    def state(self, mesh: Mesh) -> State:
+        """What became of a mesh."""
+        return self.of.get(mesh, PLANNED)
 
     def measured(self) -> list[Mesh]:
-        """The meshes that have their certificate."""
-        return [*filter(self.is_measured, self.plan.meshes())]
-
-    def unmeasured(self) -> dict[str, str]:
-        """Why cases have no certificate, by their names, without what to do about it."""
-        return {mesh[0]: failure["reason"] for mesh, failure in self.failures.items() if not self.is_measured(mesh)}
+        """The meshes that have their certificate: they did not fail, or only after it."""
+        return [mesh for mesh in self.plan.meshes() if self.state(mesh).verdict]
 
     def measured_certificates(self) -> list[str]:
         """Certificates of all meshes that have one."""
@@ -89,51 +116,33 @@ class States:
 
     def exported_files(self) -> list[str]:
         """Last meshes, and files for solvers with their sidecars, of the meshes that did not fail."""
-        meshes = [mesh for mesh in self.plan.meshes() if mesh not in self.failures]
+        meshes = [mesh for mesh in self.plan.meshes() if self.state(mesh).stage == "certify"]
         return [path for mesh in meshes for path in self.plan.final_files(mesh)]
 
     def tissue_tables(self) -> dict[Mesh, str]:
         """Tables of the tissue in the meshes of cases with volumes."""
         meshes = [mesh for mesh in self.measured() if self.plan.cases[mesh[0]].volumes]
-        made = [mesh for mesh in meshes if self.failures.get(mesh, {}).get("stage") != "volumes"]
+        made = [mesh for mesh in meshes if self.state(mesh).stage != "volumes"]
         return {mesh: self.plan.file(self.plan.layout.mesh("Solver", "volumes.tsv"), mesh) for mesh in made}
 
     def maps(self, hemi: str) -> dict[str, str]:
         """Maps of the cases of a hemisphere, by case: those that a run makes; afterwards, those that exist."""
-        asked = {mesh: path for mesh, path in self.plan.maps(hemi).items() if self.is_measured(mesh)}
+        asked = {mesh: path for mesh, path in self.plan.maps(hemi).items() if self.state(mesh).verdict}
         return {mesh[0]: path for mesh, path in asked.items() if self.failed is None or Path(path).exists()}
 
-    def listed_on_page(self) -> list[dict[str, Any]]:
-        """The meshes that the page of all cases lists."""
-        plan = self.plan
-        pages = plan.each_case(plan.layout.case_page)
-        return [plan.described(mesh) | {"page": beside(page, plan.layout.cohort_page)} for mesh, page in pages.items()]
-
     def rows(self) -> list[dict[str, Any]]:
-        """Rows of the table of states, one per mesh and per excluded row of the sheet, without columns that are empty.
-
-        A mesh that is not certified is `uncertified`, even if a later step failed, too.
-        """
+        """Rows of the table of states, one per mesh and per excluded row of the sheet."""
+        rows: list[dict[str, Any]] = [
+            {"case": mesh[0], "cell_size_mm": mesh[1] / 1000, "mesher": mesh[2], **self.state(mesh).cells()}
+            for mesh in self.plan.meshes()
+        ]
         whys = {case.name: case.exclude_reason or "no reason given" for case in self.plan.sheet if not case.include}
-        excluded = [{"case": name, "state": "excluded", "reason": why} for name, why in whys.items()]
-        return [*map(self._row, self.plan.meshes()), *excluded]
+        return rows + [{"case": name, "state": "excluded", "reason": why} for name, why in whys.items()]
 
-    def _row(self, mesh: Mesh) -> dict[str, Any]:
-        name, res, mesher = mesh
-        row: dict[str, Any] = {"case": name, "cell_size_mm": res / 1000, "mesher": mesher}
-        failure = self.failures.get(mesh, {})
-        row |= {column: failure[column] for column in ("stage", "state", "log") if column in failure}
-        if failure:
-            row["reason"] = in_words(failure)
-        if not self.is_measured(mesh):
-            return row
-        content = certificate_of(self.plan.file(self.plan.layout.certificate, mesh))
-        row["verdict_in_words"] = content["verdict"]
-        if not content["certified"]:
-            row |= {"stage": "certify", "state": "uncertified", "reason": "; ".join(content["reasons"])}
-        elif not failure:
-            row |= {"stage": "certify", "state": "certified", "reason": "; ".join(content["remarks"])}
-        return row
+    def worst(self, names: Collection[str]) -> dict[str, str]:
+        """The worst state of each named case."""
+        states = [(mesh[0], self.state(mesh).cells()["state"]) for mesh in self.plan.meshes() if mesh[0] in names]
+        return dict(sorted(states, key=lambda one: [*STATES].index(one[1])))  # the last of a case stays
 
     def why_missing(self, path: str, rule: str, job: Mapping[str, object]) -> str | None:
         """Why a file cannot be used: it was not made, or an earlier stage of its mesh has failed since; None if it can.
@@ -160,61 +169,60 @@ def read_states(plan: Plan, *, ended: bool = True) -> States:
     ----------
     ended : whether no job is running now; if one may be, only those count that said why they failed
     """
-    jobs, output = Jobs(plan), Path(plan.layout.output)
-    failed = [one for one in _failures(output, ended=ended) if _is_planned(jobs, one)]
-    known: dict[Mesh, dict[str, Any]] = {}
-    for mesh, certificate in plan.certificates().items():
-        if found := _state(jobs, mesh, certificate, failed):
-            # the surface of a case that failed is missing, else its results would be outdated
-            kept = found["state"] == "failed" and found["stage"] not in AFTER_CERTIFICATE and certificate.exists()
-            folder = certificate.parent if kept else _earlier_results(plan, plan.cases[mesh[0]])
-            known[mesh] = found | ({"earlier": _inside(plan, folder)} if folder else {})
-    return States(plan, known, failed)
+    jobs = Jobs(plan)
+    found = [one for one in failures(Path(plan.layout.output), ended=ended) if _is_planned(jobs, one)]
+    failed = sorted(found, key=lambda failure: ORDER.index(failure.rule))
+    return States(plan, {mesh: state_of(jobs, mesh, failed) for mesh in plan.meshes()}, failed)
 
 
-def _state(jobs: Jobs, mesh: Mesh, certificate: Path, failed: Sequence[Failure]) -> dict[str, Any] | None:
-    """How a mesh failed, or that it is unfinished: `stage`, `state`, `reason`, `remedy` and `log` if it failed."""
-    plan = jobs.plan
-    job, rule = plan.job(mesh), first_other_rule(jobs, mesh)
-    for one in failed:
-        if rule and one.rule in AFTER_CERTIFICATE:
-            continue  # it is the mesh or its certificate that has to be made again
-        if one.is_about(**job):
-            words = {"reason": one.reason, "remedy": one.remedy}
-            return {"stage": one.rule, "state": "failed", **words, "log": _inside(plan, one.log)}
-    reason = _ENDED
-    if rule and certificate.exists():
-        why = _OTHER if certificate_of(certificate) else _DAMAGED
-        reason = f"{why}; `snakemake --forcerun {rule}` remakes it"
-    elif rule and certificates_of(plan, plan.cases[mesh[0]]):
-        reason = _OTHER_SIZE
-    elif rule:
-        pass
+def state_of(jobs: Jobs, mesh: Mesh, failed: Sequence[Failure]) -> State:
+    """What became of a mesh, by what its certificate and reports were made from, and by the jobs that failed.
+
+    Parameters
+    ----------
+    failed : in the order of the line
+    """
+    plan, job = jobs.plan, jobs.plan.job(mesh)
+    case, certificate = plan.cases[mesh[0]], plan.certificate(mesh)
+    other, content = first_other_rule(jobs, mesh), certificate_of(certificate)
+    verdict = {} if other else {key: content[key] for key in ("certified", "verdict", "reasons", "remarks")}
+    # if the certificate does not hold, it is the mesh or its certificate that has to be made again
+    failed = [one for one in failed if one.is_about(**job) and not (other and one.rule in AFTER_CERTIFICATE)]
+    if failed:
+        log = failed[0].log.relative_to(plan.layout.output).as_posix()
+        state = State(failed[0].rule, "failed", failed[0].reason, failed[0].remedy, log)
+    elif other and certificate.exists():
+        state = State(
+            other, "unfinished", _OTHER if content else _DAMAGED, f"`snakemake --forcerun {other}` remakes it"
+        )
+    elif other:
+        state = State(other, "unfinished", _OTHER_SIZE if certificates_of(plan, case) else _ENDED)
     elif missing := [maker for path, maker in plan.final_files(mesh).items() if not Path(path).exists()]:
-        rule = missing[0]
+        state = State(missing[0], "unfinished", _ENDED)
     elif edited := edited_exports(plan, mesh):
-        rule, reason = "export", edited[0]
-    elif other := _other_field(jobs, mesh):
-        rule, reason = "fields", f"the file of the field {other} has changed; `snakemake --forcerun fields` carries it"
+        files = " and ".join(map(str, edited))
+        state = State("export", "unfinished", "; ".join(edited.values()), f"delete {files}, and cortet remakes it")
+    elif name := _other_field(jobs, mesh):
+        remedy = "`snakemake --forcerun fields` carries it"
+        state = State("fields", "unfinished", f"the file of the field {name} has changed", remedy)
     else:
-        return None
-    return {"stage": rule, "state": "unfinished", "reason": reason}
+        return State("certify", "certified", "; ".join(content["remarks"]), verdict=verdict)
+    is_measured = state.stage in AFTER_CERTIFICATE
+    # the surface of a case that failed is missing, else its results would be outdated
+    kept = state.state == "failed" and not is_measured and certificate.exists()
+    folder = certificate.parent if kept else Path(plan.layout.output) / case.folder / OUTDATED
+    has_earlier = kept or any(folder.glob(f"*/{case.name}_*"))
+    earlier = folder.relative_to(plan.layout.output).as_posix() if has_earlier else ""
+    return replace(state, earlier=earlier, verdict=verdict if is_measured else {})
 
 
 def first_other_rule(jobs: Jobs, mesh: Mesh) -> str | None:
-    """The first rule that made a mesh from something else than planned; None if its certificate holds.
-
-    A file of the user that cannot be read counts as the one that the mesh was made from.
-    """
-
-    def is_planned(rule: str, job: Wildcards, record: Mapping[str, Any]) -> bool:
-        return record.get("made_from") == jobs.made_from(rule, job, record.get("input_sha256", {}))
-
-    job, certificate = jobs.plan.job(mesh), Path(jobs.plan.file(jobs.plan.layout.certificate, mesh))
-    if is_planned("solver_ready", job, certificate_of(certificate)):
+    """The first rule that made a mesh from something else than planned; None if its certificate holds."""
+    job, certificate = jobs.plan.job(mesh), jobs.plan.certificate(mesh)
+    if jobs.is_planned("solver_ready", job, certificate_of(certificate)):
         last = Path(jobs.plan.file(jobs.plan.layout.mesh(STAGES["solver_ready"].label), mesh))
         return "solver_ready" if _is_replaced(last, certificate) else None
-    others = (one.rule for one in jobs.reports(job) if not is_planned(one.rule, one.job, json_of(one.path)))
+    others = (one.rule for one in jobs.reports(job) if not jobs.is_planned(one.rule, one.job, json_of(one.path)))
     return next(others, "solver_ready")
 
 
@@ -231,24 +239,17 @@ def _is_replaced(mesh: Path, certificate: Path) -> bool:
         return True
 
 
-def has_other_input(jobs: Jobs, job: Wildcards, certificate: Path) -> bool:
-    """Whether a mesh is known to be made from other files of the user than those that are there."""
-    report = certificate.name.replace(CERTIFICATE, f"{STAGES['solver_ready'].label}_tetmesh.json")
-    record = json_of(certificate.with_name(report))
-    made_from, present = record.get("input_sha256", {}), jobs.sources.input_sha256(job)
-    return bool(made_from) and any(now and made_from.get(name) != now for name, now in present.items())
-
-
-def edited_exports(plan: Plan, mesh: Mesh) -> list[str]:
-    """What was changed or deleted of the files for solvers of a mesh since cortet wrote them, in sentences."""
-    told = []
+def edited_exports(plan: Plan, mesh: Mesh) -> dict[Path, str]:
+    """Files for solvers of a mesh that were changed, or lack a file that belongs to them -> what happened, in words."""
+    found = {}
     for file in (path for path in plan.exports(mesh) if path.is_file()):
         record = Path(f"{file}.json")
         gone = [name for name in files_of(record) if not (record.parent / name).is_file()]
-        told += [f"{record.parent / name} is missing: delete {file} and cortet remakes both" for name in gone]
-        changed = [] if gone else changed_of(record)
-        told += [f"{path} was changed after cortet wrote it: delete it and cortet remakes it" for path in changed]
-    return told
+        if gone:
+            found[file] = f"{record.parent / gone[0]} is missing"
+        elif changed := changed_of(record):
+            found[file] = f"{changed[0]} was changed after cortet wrote it"
+    return found
 
 
 def _other_field(jobs: Jobs, mesh: Mesh) -> str | None:
@@ -267,42 +268,8 @@ def certificates_of(plan: Plan, case: Case) -> list[Path]:
     return sorted((Path(plan.layout.output) / case.folder).glob(f"mesh/{case.name}_res-*{CERTIFICATE}"))
 
 
-def made_otherwise(plan: Plan) -> dict[Mesh, str]:
-    """Meshes that are there, but were made otherwise than planned -> rule from which on."""
-    jobs = Jobs(plan)
-    there = [mesh for mesh, certificate in plan.certificates().items() if certificate.exists()]
-    return {mesh: rule for mesh in there if (rule := first_other_rule(jobs, mesh))}
-
-
-def _failures(output: Path, *, ended: bool) -> list[Failure]:
-    """Jobs below an output folder that did not succeed when they last ran, in the order of the line."""
-    found = []
-    for path in sorted((output / "logs").rglob("*.failure.json")):
-        told, log = json_of(path), path.with_name(path.name.replace(".failure.json", ".log"))
-        has_word = "reason" in told
-        if told.get("stage") not in ORDER or not (ended or has_word):
-            continue
-        reason = told["reason"] if has_word else failure_reason(log)
-        remedy = (told["remedy"] or "") if has_word else _AFTER_A_KILL
-        if reason != STOPPED:
-            made_from = str(told.get("made_from"))
-            found.append(Failure(told["stage"], told["wildcards"], made_from, reason, remedy, log))
-    return sorted(found, key=lambda failure: ORDER.index(failure.rule))
-
-
 def _is_planned(jobs: Jobs, failure: Failure) -> bool:
     """Whether a plan has the job that failed, as it was then."""
-    case, setting = failure.wildcards.get("case"), failure.wildcards.get("setting", "")
-    known = case in jobs.plan.cases and setting in jobs.plan.settings
-    return known and jobs.made_from(failure.rule, failure.wildcards) == failure.made_from
-
-
-def _earlier_results(plan: Plan, case: Case) -> Path | None:
-    """The folder with outdated results of a case; None if it has none."""
-    folder = Path(plan.layout.output) / case.folder / OUTDATED
-    return folder if any(folder.glob(f"*/{case.name}_*")) else None
-
-
-def _inside(plan: Plan, path: Path) -> str:
-    """The name of a file or folder from the output folder, from wherever the run was started."""
-    return path.relative_to(plan.layout.output).as_posix()
+    plan, case = jobs.plan, failure.job.get("case")
+    known = failure.rule in ORDER and case in plan.cases and failure.job.get("setting", "") in plan.settings
+    return known and jobs.is_planned(failure.rule, failure.job, vars(failure))

@@ -12,6 +12,8 @@ from cortet.formats.ownership import json_of, record_of
 
 #: of the content of certificate.json; raised where a key changes its name or meaning
 SCHEMA = 3
+#: in names of files of a workflow: certificates, and files for solvers of a certified mesh; those of one that is not
+OF_SOLVERS, OF_UNCERTIFIED = "Solver", "Uncertified"
 #: key of the hash
 _OWN = "content_sha256"
 

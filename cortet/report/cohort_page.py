@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import pandas as pd
 
-from cortet.cohort.status import COLUMNS as STATUS
+from cortet.cohort.states import COLUMNS as STATUS
 from cortet.formats.tables import headed, sidecar
 from cortet.formats.tsv import MISSING, cell, read_tsv
 from cortet.report import pages

@@ -15,7 +15,7 @@ from typing import Any, Literal
 from pydantic import TypeAdapter, ValidationError
 
 from cortet.errors import DamagedFileError, InputError
-from cortet.formats.certificates import certificate_of, is_edited
+from cortet.formats.certificates import OF_SOLVERS, OF_UNCERTIFIED, certificate_of, is_edited
 from cortet.formats.gifti import hemisphere_of, kind_of, read_surface, write_surface
 from cortet.formats.hashing import input_sha256
 from cortet.formats.ownership import json_of, mesh_of
@@ -24,6 +24,7 @@ from cortet.measure.electrodes import ElectrodeRecord
 from cortet.meshes import BRAIN, OUTERMOST, TriSurface, region_names
 from cortet.solver_files.sidecar import read_sidecar, sidecar_path
 from cortet.solver_files.volumes import sources
+from cortet.stages import STAGES
 
 #: end of the stem of a file whose mesh is not certified
 UNCERTIFIED = "_uncertified"
@@ -54,11 +55,6 @@ def meshed_files(regions: Iterable[str], mesh: Path) -> dict[str, Path]:
     """
     named = {region: f"-{region}" if number else "" for number, region in enumerate(regions)}
     return {region: mesh.with_name(f"{mesh.stem}.meshed{of}.surf.gii") for region, of in named.items()}
-
-
-#: in names of the workflow: the mesh of the last stage; its certificate and its files for solvers; those that are not
-#: certified
-OF_LAST_STAGE, OF_SOLVERS, OF_UNCERTIFIED = "Ordered", "Solver", "Uncertified"
 
 
 def certificate_path(mesh: Path) -> Path:
@@ -109,15 +105,15 @@ def parameters_of(mesh: Path) -> dict[str, Any]:
 def certificate_file(mesh: Path) -> Path:
     """The certificate beside a mesh, of a command or of the workflow, whether it exists or not."""
     stem = mesh.stem.removesuffix("_tetmesh").removesuffix("_sets")
-    for label in (OF_LAST_STAGE, OF_UNCERTIFIED):
+    for label in (STAGES["solver_ready"].label, OF_UNCERTIFIED):
         stem = stem.replace(label, OF_SOLVERS)
     of_workflow = mesh.with_name(f"{stem}_certificate.json")
     return of_workflow if of_workflow.exists() else certificate_path(mesh)
 
 
 def certificate_beside(mesh: Path) -> dict[str, Any]:
-    """Content of `certificate_file`; empty without one, or if the sidecar says that it is of another mesh."""
-    found = json_of(certificate_file(mesh))
+    """Content of `certificate_file`; empty if it is missing, was edited, or is of another mesh by the sidecar."""
+    found = {} if is_edited(certificate_file(mesh)) else json_of(certificate_file(mesh))
     return found if mesh_of(sidecar_path(mesh)) in (None, found.get("mesh_sha256")) else {}
 
 

@@ -7,12 +7,13 @@ from unittest.mock import Mock
 
 import pytest
 
-from cortet.cohort import status
+from cortet.cohort import failures
+from cortet.cohort.failures import failure_path, silent_end, write_failure
+from cortet.cohort.outdated import set_aside
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import Case
 from cortet.cohort.states import States
-from cortet.cohort.status import failure_path, failure_reason, write_failure
-from cortet.config import Config
+from cortet.config import Config, load
 from cortet.errors import InputError
 from cortet.formats.certificates import certificate_of, sealed
 
@@ -31,7 +32,7 @@ def test_why_a_job_that_left_no_word_ended_follows_from_its_log(tmp_path, text, 
     log = tmp_path / "job.log"
     if text is not None:
         log.write_text(f"10:00 INFO begun\n{text}")
-    assert failure_reason(log) == reason
+    assert silent_end(log).what == reason
 
 
 def test_a_job_on_a_full_disk_says_why_it_failed(tmp_path, monkeypatch):
@@ -39,7 +40,7 @@ def test_a_job_on_a_full_disk_says_why_it_failed(tmp_path, monkeypatch):
     log = tmp_path / "job.log"
     write_failure(log, "export", {"case": "sub-a"}, "made")
     full = InputError("its disk has only 0 kB left", file="x.vtu", remedy="free some space")
-    monkeypatch.setattr(status, "write_json", Mock(side_effect=full))
+    monkeypatch.setattr(failures, "write_json", Mock(side_effect=full))
     write_failure(log, "export", {"case": "sub-a"}, "made", full)
     told = json.loads(failure_path(log).read_text())
     assert (told["reason"], told["remedy"]) == (
@@ -52,6 +53,27 @@ def test_an_excluded_row_without_a_reason_says_so():
     out = Case("a", None, "L", 24.0, "a.gii", include=False)
     (row,) = States(Plan({"": Config()}, [out])).rows()
     assert row == {"case": "sub-a_hemi-L", "state": "excluded", "reason": "no reason given"}
+
+
+def test_the_files_of_an_uncertified_mesh_stay_when_its_certificate_is_edited(tmp_path):
+    """They moved aside, with the false word that the mesh had another verdict."""
+    output = tmp_path / "out"
+    case = Case("a", None, "L", 24.0, tmp_path / "a.gii")
+    config = load({"output": str(output), "export": {"uncertified": True}})
+    plan = Plan({"": config}, [case])
+    (mesh,) = plan.meshes()
+    certificate = plan.certificate(mesh)
+    certificate.parent.mkdir(parents=True)
+    content = sealed({"schema": 3, "certified": False, "mesh_sha256": "1"})
+    certificate.write_text(json.dumps(content))
+    (export,) = plan.exports(mesh)
+    assert "Uncertified" in export.name
+    export.touch()
+    certificate.write_text(json.dumps({**content, "mesh_sha256": "2"}))
+    assert not set_aside(States(plan)) and plan.exports(mesh) == [export]
+    certificate.write_text(json.dumps(sealed({**content, "certified": True})))
+    (told,) = set_aside(States(plan))
+    assert "another mesh or verdict" in told and not export.exists()
 
 
 CERTIFICATE = {"schema": 3, "certified": False, "checks": [{"id": "worst_q", "passed": False}], "quality": {"q": 0.7}}

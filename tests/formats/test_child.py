@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from cortet.cohort.status import failure_path
+from cortet.cohort.failures import failure_path
 
 ROOT = Path(__file__).parents[2]
 

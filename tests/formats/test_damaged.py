@@ -22,6 +22,7 @@ from surface_files import FACES, FOREIGN, POINTS, data_array, gifti, points, sav
 from cortet.cohort import user_files
 from cortet.errors import InputError
 from cortet.formats import FORMATS
+from cortet.formats.certificates import SCHEMA, sealed
 from cortet.formats.gifti import read_fields, read_surface, write_surface
 from cortet.formats.hashing import sha256
 from cortet.formats.untrusted import safely_named
@@ -166,10 +167,18 @@ def test_json_nested_deeper_than_python_reads_is_no_sidecar_and_no_certificate(t
 
 
 @pytest.mark.parametrize("parameters", [[1], {"generate": []}, {"generate": {"cell_size": "0.6"}}])
-def test_a_certificate_edited_to_another_form_is_named(tmp_path, parameters):
-    certificate_path(tmp_path / "m.vtu").write_text(json.dumps({"parameters": parameters}))
+def test_a_certificate_of_another_version_and_form_is_named(tmp_path, parameters):
+    certificate_path(tmp_path / "m.vtu").write_text(json.dumps({"schema": 2, "parameters": parameters}))
     with pytest.raises(InputError, match="certificate"):
         cell_size_of(tmp_path / "m.vtu")
+
+
+def test_an_edited_certificate_gives_no_cell_size(tmp_path):
+    """It was believed, sealed or not."""
+    whole = sealed({"schema": SCHEMA, "parameters": {"generate": {"cell_size": 0.6}}})
+    for content, size in ((whole, 0.6), ({**whole, "parameters": {"generate": {"cell_size": 0.7}}}, None)):
+        certificate_path(tmp_path / "m.vtu").write_text(json.dumps(content))
+        assert cell_size_of(tmp_path / "m.vtu") == size
 
 
 @pytest.mark.parametrize("attributes", [{"Dimensionality": "999999999"}, {"Dim0": "-5"}])

@@ -9,20 +9,19 @@ import shutil
 import signal
 import subprocess
 import sys
-from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from cortet.cohort.app import CHOSEN
+from cortet.cohort.failures import write_failure
 from cortet.cohort.jobs import Jobs
 from cortet.cohort.lock import NAME
-from cortet.cohort.status import write_failure
 from cortet.errors import CortetError
 from cortet.formats.gifti import read_surface, write_surface
 from cortet.formats.hashing import sha256
-from cortet.over_all import RUN, plan_of_run, report
+from cortet.over_all import RUN, last_run, report
 from tests.integration.study import ROOT, STATUS, Study, scaled, surface, twice
 from tests.integration.test_faults import sabotaged, wait_for
 
@@ -63,8 +62,8 @@ def test_a_report_leaves_out_certificates_that_it_cannot_believe(study):
     file.write_text(json.dumps(content))
     (page,) = (study.logs / "case_page").rglob("sub-b*.log")
     wildcards = {"folder": "sub-b", "case": "sub-b_hemi-L", "res": "4000", "mesher": "lattice", "setting": ""}
-    with chdir(study.folder):
-        made_from = Jobs(plan_of_run(study.outputs)[0]).made_from("case_page", wildcards)
+    with last_run(study.outputs) as (plan, _):
+        made_from = Jobs(plan).made_from("case_page", wildcards)
     write_failure(
         page, "case_page", wildcards, made_from, CortetError("KeyError: checks")
     )  # as the job that reads it leaves one
@@ -72,9 +71,9 @@ def test_a_report_leaves_out_certificates_that_it_cannot_believe(study):
     assert study.status()["sub-b_hemi-L"]["state"] == "unfinished" and "sub-b" not in table.read_text()
 
 
-@pytest.mark.parametrize("edited", ["certificate", "certificate of another", "mesh"])
+@pytest.mark.parametrize("edited", ["certificate", "certificate of another", "mesh", "both of another"])
 def test_an_edited_certificate_or_mesh_costs_no_finished_work(study, edited):
-    """The next run refused it, after Snakemake had deleted the files for solvers."""
+    """The next run refused it, after Snakemake had deleted the files for solvers; or exported another case's mesh."""
     end = "Ordered_tetmesh.vtu" if edited == "mesh" else "Solver_certificate.json"
     (file,), (other,), (export,) = map(study.files, (f"sub-a*{end}", f"sub-b*{end}", "sub-a*Solver_sets.vtu"))
     if edited == "certificate":
@@ -84,7 +83,13 @@ def test_an_edited_certificate_or_mesh_costs_no_finished_work(study, edited):
     else:
         shutil.copy(other, file)
     before = sha256(export)
+    if edited == "both of another":
+        shutil.copy(*(study.files(f"sub-{name}*Ordered_tetmesh.vtu")[0] for name in "ba"))
     assert study.planned_jobs("meshes", "cohort_tables") <= COHORT
+    if edited == "both of another":
+        done = study.run("--forcerun", "export", "--", "meshes")
+        assert done.returncode != 0 and "was made from another surface" in done.stdout + done.stderr
+        assert not export.exists()
     report(study.outputs)
     row = study.status()["sub-a_hemi-L"]
     assert row["state"] == "unfinished" and "--forcerun solver_ready" in row["reason"]
@@ -310,7 +315,7 @@ def test_an_uncertified_mesh_is_measured_but_not_exported(study):
     assert "forcerun solver_ready" in study.status()["sub-a_hemi-L"]["reason"], "of limits that hold no more"
     study.config |= {"certify": limits, "export": {"uncertified": True}}
     ran = study.jobs_of_run()
-    assert ran - COHORT == jobs({"solver_ready", "export", "case_page"}, "a"), "a page links what is exported"
+    assert ran - COHORT == jobs({"solver_ready", "verdict", "export", "case_page"}, "a"), "a page links the exports"
     assert ran >= COHORT
     (written,) = study.files("sub-a*_sets.vtu")
     assert written.name == "sub-a_hemi-L_res-4000um_desc-latticeUncertified_sets.vtu"

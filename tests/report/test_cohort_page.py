@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from cortet.cohort.status import COLUMNS
+from cortet.cohort.states import COLUMNS
 from cortet.formats.atomic import write_json
 from cortet.formats.tables import names
 from cortet.formats.tsv import write_tsv

@@ -16,7 +16,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 from shapes import ball_mesh, ball_surface
 
-from cortet.cohort.status import COLUMNS
+from cortet.cohort.states import COLUMNS
 from cortet.config.sections import Certify
 from cortet.formats.atomic import write_json
 from cortet.formats.tables import names
