@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from late_cells import CARRIED, of_sizes, sizes_in_words
+from late_cells import CARRIED, differences, differences_in_words
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from outputs import write_outputs
@@ -165,5 +165,5 @@ def write_late(records: Sequence[Path], outputs: Sequence[str | Path]) -> None:
     """Write table, figure and comparison of the records of some brains."""
     table = late_table(json.loads(path.read_text(encoding="utf-8")) for path in records)
     folds = [path for path in records if (path.parent / CARRIED).exists()]
-    words = "\n".join([comparison(table), sizes_in_words(of_sizes(folds))])
+    words = "\n".join([comparison(table), differences_in_words(differences(folds))])
     write_outputs(outputs, LATE, table, late_figure(table), words)

@@ -1,4 +1,4 @@
-"""What cells do to late folds: differences from the smallest cells of the same brain, by week.
+"""What cells and changes do to folds by week: differences from the next smaller cells, and from the first kind.
 
 A value v of a fold is taken to depend on the cell size h as v (1 + c (h / thickness)^2) = constant. From two sizes
 follows c, the error of the value in that unit: of the gain of the gyrification index, and of the width of folds.
@@ -24,53 +24,68 @@ from cortet.meshes import TriSurface
 
 #: the vertices of the surface that was meshed, in the folder of a fold
 CARRIED = "carried.npz"
-_HEADINGS = {
-    "brains": ("brains", "d"),
+#: columns by which rows are grouped, and means over the brains: heading and form
+_GROUPS = {
+    "kind": ("kind", "s"),
+    "cell_size_mm": ("h (mm)", "g"),
+    "beside": ("beside", "s"),
+    "beside_mm": ("h (mm)", "g"),
+    "week": ("week", "g"),
+}
+_MEANS = {
     "index": ("index gains", "+.1%"),
     "width": ("width", "+.1%"),
     "index_error": ("error of gain / (h / thickness)²", ".2f"),
     "width_error": ("error of width / (h / thickness)²", ".2f"),
     "moved_mm": ("vertices differ by, mm", ".2f"),
-    "correlation": ("r of gained depth", ".2f"),
+    "correlation": ("r of gained depth", ".4f"),
 }
 
 
-def of_sizes(records: Sequence[Path]) -> pd.DataFrame:
-    """A row per brain, kind, cell size and week, of those that were folded with smaller cells, too."""
+def differences(records: Sequence[Path]) -> pd.DataFrame:
+    """A row per brain, week, and pair of folds: of one kind with the next smaller cells, or of two kinds."""
     folds = [{"folder": path.parent, **json.loads(path.read_text(encoding="utf-8"))} for path in records]
     rows = []
     for fold in folds:
-        alike = [one for one in folds if all(one["of"][key] == fold["of"][key] for key in ("brain", "kind"))]
-        smallest = min(alike, key=lambda one: one["of"]["cell_size_mm"])
-        if smallest is not fold:
-            rows += list(_differences(fold, smallest))
-    return pd.DataFrame(rows)
+        own = fold["of"]
+        same_brain = [one for one in folds if one["of"]["brain"] == own["brain"]]
+        finer = [
+            one
+            for one in same_brain
+            if one["of"]["kind"] == own["kind"] and one["of"]["cell_size_mm"] < own["cell_size_mm"]
+        ]
+        first = next(one for one in same_brain if one["of"]["cell_size_mm"] == own["cell_size_mm"])
+        others = [max(finer, key=lambda one: float(one["of"]["cell_size_mm"]))] if finer else []
+        for other in [*others, *([first] if first is not fold else [])]:
+            rows += list(_by_week(fold, other))
+    return pd.DataFrame(rows, columns=["brain", *_GROUPS, *_MEANS])
 
 
-def _differences(fold: dict[str, Any], fine: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """Differences of a fold from that with the smallest cells, by week."""
-    first, other = (_index_at_start(one["folder"]) for one in (fold, fine))
-    ours, theirs = (np.load(one["folder"] / CARRIED) for one in (fold, fine))
-    size, smallest = ((one["of"]["cell_size_mm"] / one["verdict"]["thickness_mm"]) ** 2 for one in (fold, fine))
-    weights, start = vertex_areas(TriSurface(ours["start"], ours["faces"])), depth_below_hull(ours["start"])
-    for number, (row, same) in enumerate(zip(fold["rows"], fine["rows"], strict=True)):
+def _by_week(fold: dict[str, Any], other: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Differences of a fold from another one of the same brain, in the weeks after the start that both reached."""
+    start, other_start = (_index_at_start(one["folder"]) for one in (fold, other))
+    ours, theirs = (np.load(one["folder"] / CARRIED) for one in (fold, other))
+    size, smaller = ((one["of"]["cell_size_mm"] / one["verdict"]["thickness_mm"]) ** 2 for one in (fold, other))
+    weights, depth = vertex_areas(TriSurface(ours["start"], ours["faces"])), depth_below_hull(ours["start"])
+    for number, (row, same_week) in enumerate(zip(fold["rows"], other["rows"], strict=False)):
         if row["week"] <= fold["verdict"]["settings"]["gestational_age"]:
             continue
-        gain, gain_fine = row["gyrification_index"] - first, same["gyrification_index"] - other
-        width, width_fine = row["fold_spacing_mm"], same["fold_spacing_mm"]
-        own, same_vertices = (carried["points"][number].astype(float) for carried in (ours, theirs))
-        apart = np.linalg.norm(aligned(own, same_vertices, weights) - same_vertices, axis=1)
-        gained = np.array([depth_below_hull(points) - start for points in (own, same_vertices)])
+        gain, other_gain = row["gyrification_index"] - start, same_week["gyrification_index"] - other_start
+        width, other_width = row["fold_spacing_mm"], same_week["fold_spacing_mm"]
+        points, other_points = (carried["points"][number].astype(float) for carried in (ours, theirs))
+        apart = np.linalg.norm(aligned(points, other_points, weights) - other_points, axis=1)
+        gained = np.array([depth_below_hull(one) - depth for one in (points, other_points)])
         covariance = np.cov(gained, aweights=weights)
+        finer = other["of"]["cell_size_mm"] < fold["of"]["cell_size_mm"]
         yield {
-            **{key: fold["of"][key] for key in ("kind", "cell_size_mm")},
-            "smallest_mm": fine["of"]["cell_size_mm"],
-            "brain": fold["of"]["brain"],
+            **{key: fold["of"][key] for key in ("brain", "kind", "cell_size_mm")},
+            "beside": other["of"]["kind"],
+            "beside_mm": other["of"]["cell_size_mm"],
             "week": row["week"],
-            "index": gain / gain_fine - 1,
-            "width": width / width_fine - 1,
-            "index_error": (gain_fine - gain) / (gain * size - gain_fine * smallest),
-            "width_error": (width - width_fine) / (width * size - width_fine * smallest),
+            "index": gain / other_gain - 1,
+            "width": width / other_width - 1,
+            "index_error": (other_gain - gain) / (gain * size - other_gain * smaller) if finer else np.nan,
+            "width_error": (width - other_width) / (width * size - other_width * smaller) if finer else np.nan,
             "moved_mm": np.average(apart, weights=weights),
             "correlation": covariance[0, 1] / np.sqrt(covariance[0, 0] * covariance[1, 1]),
         }
@@ -80,16 +95,16 @@ def _index_at_start(folder: Path) -> float:
     return float(read_tsv(folder / TABLE)["gyrification_index"].iloc[0])
 
 
-def sizes_in_words(table: pd.DataFrame) -> str:
-    """The rows of `of_sizes`, means over the brains, as a table in Markdown; empty for folds of one size."""
+def differences_in_words(table: pd.DataFrame) -> str:
+    """The rows of `differences`, means over the brains, as a table in Markdown; empty if there are none."""
     if table.empty:
         return ""
-    keys = ["kind", "cell_size_mm", "smallest_mm", "week"]
-    means = table.drop(columns="brain").groupby(keys, sort=False).mean()
-    means.insert(0, "brains", table.groupby(keys, sort=False)["brain"].count())
-    head = ["kind", "h (mm)", "beside h (mm)", "week", *(words for words, _ in _HEADINGS.values())]
+    columns = {**_GROUPS, "brains": ("brains", "d"), **_MEANS}
+    head = [heading for heading, _ in columns.values()]
     lines = [head, ["---"] * len(head)]
-    for (kind, size, smallest, week), row in means.iterrows():
-        values = [format(int(row[name]) if form == "d" else row[name], form) for name, (_, form) in _HEADINGS.items()]
-        lines.append([kind, f"{size:g}", f"{smallest:g}", f"{week:g}", *values])
+    for group, some in table.groupby([*_GROUPS], sort=False):
+        row = dict(zip(_GROUPS, group, strict=True)) | {"brains": len(some)} | dict(some[[*_MEANS]].mean())
+        lines.append(
+            ["n/a" if row[name] != row[name] else format(row[name], form) for name, (_, form) in columns.items()]
+        )
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"

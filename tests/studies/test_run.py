@@ -37,36 +37,27 @@ def rows_of(table: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file, delimiter="\t"))
 
 
-def test_cell_sizes_and_realisations_are_folded_and_compared(tmp_path):
-    write_surface(phantom(24.0, subdivisions=4), tmp_path / "a.surf.gii")
-    sizes = {"cell_size": [6.0, 5.0], "seeds": [0, 1], "meshers": ["lattice"]}
-    study = {"surfaces": {"a": {"surface": "a.surf.gii", "ga": 24, "hemi": "L"}}, **sizes}
-    config = {"settings": {"fold": FOLD}, "convergence": study}
-    run(tmp_path, config)
-    records = [json.loads(path.read_text()) for path in sorted(tmp_path.glob("results/convergence/*/record.json"))]
-    assert [record["outcome"] for record in records] == ["folded"] * 4
-    assert records[0]["tets"] != records[1]["tets"]  # another direction of the lattice
-    rows = rows_of(tmp_path / "results/table-convergence.tsv")
-    assert [(float(row["cell_size_mm"]), row["runs"]) for row in rows] == [(6.0, "2"), (5.0, "2")]
-    assert "of the thickness" in (tmp_path / "results/convergence.txt").read_text()
-    assert "Nothing to be done" in run(tmp_path, config)
-
-
 def test_folds_are_measured_by_week_beside_real_brains(tmp_path):
     for age in (24, 25):
         write_surface(phantom(float(age), subdivisions=4), tmp_path / f"{age}.surf.gii")
     brain = {"surface": "24.surf.gii", "ga": 24, "hemi": "L"}
     study = {"brains": {"a": brain}, "weeks": [24, 24.3], "cell_size": [6.0, 5.0]}
-    study["levers"] = {"usual": {}, "uneven": {"undulation": {"mean_mm": 3, "sd_mm": 0.3, "length_mm": 6, "seed": 0}}}
+    uneven = {"undulation": {"mean_mm": 3, "sd_mm": 0.3, "length_mm": 6, "seed": 0}}
+    study["levers"] = {"usual": {}, "turned": {"generate": {"seed": 1}}, "uneven": uneven}
     real = {"young": {**brain, "ga": 24}, "old": {**brain, "surface": "25.surf.gii", "ga": 25}}
     study["real"] = {**real, "newborn": {**real["old"], "born": True}}
     run(tmp_path, {"settings": {"fold": FOLD}, "late": study})
     rows = rows_of(tmp_path / "results/table-late.tsv")
-    assert [row["kind"] for row in rows] == ["newborn", "fetus", "fetus", *[*["uneven"] * 2, *["usual"] * 2] * 2]
-    assert float(rows[5]["area_cm2"]) < float(rows[6]["area_cm2"]) < float(rows[1]["area_cm2"])
+    assert [row["kind"] for row in rows] == [
+        "newborn",
+        "fetus",
+        "fetus",
+        *[*["turned"] * 2, *["uneven"] * 2, *["usual"] * 2] * 2,
+    ]
+    assert float(rows[7]["area_cm2"]) < float(rows[8]["area_cm2"]) < float(rows[1]["area_cm2"])
     words = (tmp_path / "results/table-late.txt").read_text()
     assert "24.3 weeks" in words
-    assert "| usual | 6 | 5 | 24.3 | 1 |" in words
+    assert "| usual | 6 | usual | 5 | 24.3 | 1 |" in words and "| usual | 5 | turned | 5 | 24.3 | 1 |" in words
 
 
 def test_later_surfaces_of_a_series_are_predicted_and_compared(tmp_path):
