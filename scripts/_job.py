@@ -111,11 +111,11 @@ def start(snakemake: Any) -> Job:
     log = Path(snakemake.log[0])
     child.end_with_parent()  # so that files begun by an interrupted run never replace those of a later one
     _use_own_temporary_folder(log)
-    if "pdb" not in sys.modules:  # a debugger has the terminal
-        _log_to(log)
     made_from = snakemake.params.get("made_from")
     tell = partial(write_failure, log, snakemake.rule, dict(snakemake.wildcards), made_from)
-    sys.excepthook = partial(_log_failure, tell)
+    sys.excepthook = partial(_log_failure, tell)  # before there is a log: who sees one may press Ctrl-C
+    if "pdb" not in sys.modules:  # a debugger has the terminal
+        _log_to(log)
     tell()
     atexit.register(_forget, failure_path(log))
     logger.info("%s of %s with %s", snakemake.rule, dict(snakemake.wildcards), dict(snakemake.params))

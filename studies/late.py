@@ -31,6 +31,8 @@ from cortet.report.figures import PAGE, drawn, letter
 from cortet.report.table_files import Table
 
 FETUS, NEWBORN = "fetus", "newborn"
+#: colour, marker and name in the legend of real brains
+_REAL = {FETUS: ("black", "o", "fetuses"), NEWBORN: (GREY, "s", "newborns")}
 #: column -> heading, unit, digits
 QUANTITIES = {
     "gyrification_index": ("gyrification index", "", 3),
@@ -102,13 +104,14 @@ def late_figure(table: pd.DataFrame) -> Figure:
     usual = folds[folds["kind"] == folds["kind"].iloc[0]] if len(folds) else folds
     sizes = sorted(usual["cell_size_mm"].unique())
     looks = {size: (colour, style) for size, colour, style in zip(sizes, (BLUE, VERMILION), ("-", "--"), strict=False)}
+    real = [(kind, *look) for kind, look in _REAL.items() if (table["kind"] == kind).any()]
     with drawn(PAGE, 4.6) as figure:
         axes = figure.subplots(3, 3).ravel()
         for axis, name in zip(axes, shown, strict=True):
             words, unit, _ = QUANTITIES[name]
-            for kind, colour, marker in ((FETUS, "black", "o"), (NEWBORN, GREY, "s")):
-                real = table[table["kind"] == kind]
-                axis.scatter(real["week"], real[name], s=9, color=colour, marker=marker, zorder=3)
+            for kind, colour, marker, _ in real:
+                brains = table[table["kind"] == kind]
+                axis.scatter(brains["week"], brains[name], s=9, color=colour, marker=marker, zorder=3)
             for (_, size), rows in usual.groupby(["brain", "cell_size_mm"], sort=False):
                 if size in looks:
                     colour, style = looks[size]
@@ -117,11 +120,10 @@ def late_figure(table: pd.DataFrame) -> Figure:
             weeks(axis, table["week"].min(), table["week"].max())
         letter(axes)
         handles = [
-            Line2D([], [], color="black", marker="o", linestyle="", markersize=3),
-            Line2D([], [], color=GREY, marker="s", linestyle="", markersize=3),
+            *(Line2D([], [], color=colour, marker=marker, linestyle="", markersize=3) for _, colour, marker, _ in real),
             *(Line2D([], [], color=colour, linestyle=style) for colour, style in looks.values()),
         ]
-        labels = ["fetuses", "newborns", *(f"folded, h = {size:g} mm" for size in looks)]
+        labels = [*(label for *_, label in real), *(f"folded, h = {size:g} mm" for size in looks)]
         figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
     return figure
 

@@ -6,6 +6,7 @@ against the surface that it fills.
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -25,6 +26,8 @@ from cortet.meshes import BRAIN, OUTERMOST, TriSurface, region_names
 from cortet.solver_files.sidecar import read_sidecar, sidecar_path
 from cortet.solver_files.volumes import sources
 from cortet.stages import STAGES
+
+logger = logging.getLogger(__name__)
 
 #: end of the stem of a file whose mesh is not certified
 UNCERTIFIED = "_uncertified"
@@ -113,7 +116,11 @@ def certificate_file(mesh: Path) -> Path:
 
 def certificate_beside(mesh: Path) -> dict[str, Any]:
     """Content of `certificate_file`; empty if it is missing, was edited, or is of another mesh by the sidecar."""
-    found = {} if is_edited(certificate_file(mesh)) else json_of(certificate_file(mesh))
+    path = certificate_file(mesh)
+    if is_edited(path):
+        logger.warning("%s: was edited or damaged, so it counts for nothing; `cortet certify` makes another one", path)
+        return {}
+    found = json_of(path)
     return found if mesh_of(sidecar_path(mesh)) in (None, found.get("mesh_sha256")) else {}
 
 
