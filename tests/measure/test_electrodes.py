@@ -1,4 +1,4 @@
-"""Contacts of electrodes on a mesh, beside potentials that are known."""
+"""Contacts of electrodes on a mesh; potentials of scikit-fem with their loads, beside those that are known."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import skfem
 from scipy.sparse import diags
 from scipy.sparse.linalg import cg
 from scipy.special import eval_legendre
 from shapes import ball_surface, shell_mesh
+from skfem.models.poisson import laplace
 
 from cortet.errors import InputError
 from cortet.formats.electrodes import Contact
 from cortet.geometry.topology import boundary_nodes
 from cortet.measure.electrodes import electrode_remarks, seated, with_electrodes
-from cortet.measure.harmonic import stiffness
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import FILLED, REGION, FloatArray, TetMesh
 from cortet.stages.generate import generate
@@ -26,7 +27,8 @@ SIGMA = 0.33e-3
 
 def potential(mesh: TetMesh, load: FloatArray, fixed: np.ndarray, values: FloatArray) -> FloatArray:
     """The potential, V, of currents (n,), A, into the nodes, with given values at some nodes."""
-    matrix = SIGMA * stiffness(mesh)
+    tetrahedra = skfem.MeshTet(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.cells.T))
+    matrix = SIGMA * laplace.assemble(skfem.Basis(tetrahedra, skfem.ElementTetP1()))
     free = np.setdiff1d(np.arange(len(mesh.points)), fixed)
     found = np.zeros(len(mesh.points))
     found[fixed] = values
