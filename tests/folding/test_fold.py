@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding import fold as fold_module
 from cortet.folding.body import growth_mask, scale_of
+from cortet.folding.cohort_folding import write_cohort_folding
 from cortet.folding.fold import Verdict, fold
 from cortet.folding.growth import Gompertz, Linear, age_of, by_age, growth_since, time_of
 from cortet.folding.journal import TABLE
@@ -185,6 +187,18 @@ def test_the_methods_paragraph_tells_of_folds(finished):
         and f"index was {verdict.gyrification_index_last:.3f}" in told
     )
     assert "force = true" in told and f"Doubts about folds: ball ({verdict.warnings[0]}" in told
+
+
+def test_a_share_with_a_large_q_of_an_earlier_version_is_not_told_as_one_of_elastic_distortion(finished, tmp_path):
+    earlier = json.loads((finished[0] / "verdict.json").read_text()) | {"q_max": 0.9, "distorted_share": 0.31}
+    del earlier["distortion_max"]
+    (tmp_path / "verdict.json").write_text(json.dumps(earlier))
+    shutil.copy(finished[0] / TABLE, tmp_path)
+    run = {"case": "ball", "variant": None, "cell_size_mm": 2.5, "mesher": "lattice", "hemisphere": None}
+    runs = [{**run, "folder": tmp_path}, {**run, "case": "ball2", "folder": finished[0]}]
+    write_cohort_folding(runs, [], [tmp_path / "cohort_folding.tsv"])
+    shares = read_tsv(tmp_path / "cohort_folding.tsv")["distorted_share"].tolist()
+    assert shares == ["n/a", "0"] and not verdict_of_fold(tmp_path)
 
 
 def test_a_fold_says_what_smaller_cells_would_change(finished, ball, tmp_path):
