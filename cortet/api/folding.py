@@ -116,7 +116,7 @@ class Folded:
         return (
             f"<Folded: {self.verdict['reason']}\n"
             f" gyrification index {self.verdict['gyrification_index_last']:.3f},"
-            f" largest distortion {self.verdict['distortion_max']:.1f}\n"
+            f" {self.verdict['distorted_share']:.1%} of the tetrahedra distorted\n"
             f" {self.folder}>"
         )
 
