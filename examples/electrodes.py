@@ -15,7 +15,7 @@ from cortet.phantoms import inset, phantom
 
 CONDUCTIVITY = {"cortex": 0.33e-3, "white": 0.14e-3}  # S/mm
 
-if len(sys.argv) == 3:
+if sys.argv[1:]:
     pial, white = (cortet.surface(file) for file in sys.argv[1:])
 else:
     pial = phantom(25, subdivisions=4)

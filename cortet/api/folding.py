@@ -113,10 +113,10 @@ class Folded:
         return next(views([series(self.folder / SERIES)[-1][0]], self.hemi))
 
     def __repr__(self) -> str:
-        last = self.table.iloc[-1]
         return (
             f"<Folded: {self.verdict['reason']}\n"
-            f" gyrification index {last.gyrification_index:.3f}, worst q {last.q_max:.3f}\n"
+            f" gyrification index {self.verdict['gyrification_index_last']:.3f},"
+            f" {self.verdict['distorted_share']:.1%} of the tetrahedra distorted\n"
             f" {self.folder}>"
         )
 

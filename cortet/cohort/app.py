@@ -281,7 +281,7 @@ def outcome(states: States, output: Path, *, page: bool, names: Collection[str] 
         told[0] += f" ({qualified} with repaired surfaces or relaxed limits)"
     words = ", ".join(told)
     look = f"open {output}/cohort/index.html; " if page and Path(plan.layout.cohort_page).is_file() else ""
-    made = {path.name for mesh in plan.meshes() for path in plan.exports(mesh) if path.exists()}
+    made = {path.name for mesh in states.measured() for path in plan.exports(mesh) if path.exists()}
     ends = [f"{label}_{end}" for label in LABELS_OUT for end in EXPORTED]
     files = " ".join(f"*{end}" for end in ends if any(name.endswith(end) for name in made))
     meshes = f"meshes: {output}/sub-*/**/mesh/{files}" if files else "no mesh"

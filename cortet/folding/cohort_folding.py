@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from cortet.folding.fold_figures import FILM, NUMBERS, PICTURE, curves, real_points, weeks
 from cortet.folding.journal import TABLE, VERDICT
+from cortet.folding.sentences import verdict_of_fold
 from cortet.formats.tables import Column, headed, read_columns, write_table
 from cortet.formats.tsv import MISSING, cell, read_tsv
 from cortet.report import pages
@@ -38,7 +39,7 @@ COLUMNS = tuple(
     replace(column, levels=STATES) if column.name == "state" else column
     for column in read_columns(_DATA / "cohort_folding_columns.tsv")
 )
-#: columns from the verdict that those of earlier versions lack
+#: columns from the verdict that those of earlier versions lack, or mean otherwise
 _LATER = (
     "distortion_max",
     "distorted_share",
@@ -93,7 +94,7 @@ def _row(run: Mapping[str, Any]) -> dict[str, Any]:
         "end_weeks": verdict["gestational_age"],
         **{column: None if pd.isna(last[column]) else float(last[column]) for column in _LAST},
         **{key: verdict[key] for key in ("thickness_mm", "min_j", "tets", "steps", "reason")},
-        **{key: verdict.get(key) for key in _LATER},
+        **{key: verdict_of_fold(folder).get(key) for key in _LATER},
         "warnings": "; ".join(verdict["warnings"]),
     }
 

@@ -104,9 +104,9 @@ class Verdict:
     thickness_mm: float
     #: smallest J of all steps
     min_j: float
-    #: largest elastic distortion of all rows of the table, and largest fractions of tetrahedra with a large distortion
-    #: and a small J
-    distortion_max: float
+    #: largest elastic distortion of all rows of the table, None if an element has inverted; and largest fractions of
+    #: tetrahedra with a large distortion and a small J
+    distortion_max: float | None
     distorted_share: float
     compressed_share: float
     gyrification_index_last: float
@@ -375,7 +375,7 @@ def _verdict(
         gestational_age=age,
         thickness_mm=thickness_mm(run),
         min_j=min(row["min_j"] for row in rows),
-        distortion_max=max(row["distortion_max"] for row in rows if row["distortion_max"] is not None),
+        distortion_max=None if outcome == "inverted" else max(row["distortion_max"] for row in rows),
         distorted_share=max(row["distorted_share"] for row in rows),
         compressed_share=max(row["compressed_share"] for row in rows),
         gyrification_index_last=index,

@@ -18,9 +18,12 @@ _SAID = frozenset(("end", "gestational_age", "hemisphere", "model"))
 
 
 def verdict_of_fold(folder: Path) -> dict[str, Any]:
-    """Content of the verdict of the fold in a folder; empty if it has none, or one of an earlier version."""
+    """Content of the verdict of the fold in a folder; empty if it has none, or one of an earlier version.
+
+    There `distorted_share` is of tetrahedra with a large q, and the errors are by other estimates.
+    """
     content = json_of(folder / VERDICT)
-    return content if "settings" in content else {}
+    return content if "distortion_max" in content else {}
 
 
 def fold_sentences(verdicts: Mapping[str, Mapping[str, Any]]) -> list[str]:

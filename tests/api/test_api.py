@@ -312,6 +312,7 @@ def test_a_mesh_folds_from_the_age_it_was_made_at(made, tmp_path):
     assert folded.table["gestational_age"].iloc[[0, -1]].tolist() == pytest.approx([24, 24.2])
     assert folded.at(24.2).points.max() > made.points.max()  # it has grown
     assert "no element inverted" in folded._repr_html_()
+    assert ", 0.0% of the tetrahedra distorted" in repr(folded)  # it ended with AttributeError: 'Series' has no 'q_max'
     kept = cortet.fold(made, folder=tmp_path / "run", end=24.1, progress=False, **small)
     assert (kept.folder / "fold.tsv").exists()
     saved = made.save(tmp_path / "made.inp")

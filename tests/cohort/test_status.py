@@ -8,11 +8,12 @@ from unittest.mock import Mock
 import pytest
 
 from cortet.cohort import failures
+from cortet.cohort.app import outcome
 from cortet.cohort.failures import failure_path, silent_end, write_failure
 from cortet.cohort.outdated import set_aside
 from cortet.cohort.plan import Plan
 from cortet.cohort.sheet import Case
-from cortet.cohort.states import States
+from cortet.cohort.states import PLANNED, State, States
 from cortet.config import Config, load
 from cortet.errors import InputError
 from cortet.formats.certificates import certificate_of, sealed
@@ -74,6 +75,19 @@ def test_the_files_of_an_uncertified_mesh_stay_when_its_certificate_is_edited(tm
     certificate.write_text(json.dumps(sealed({**content, "certified": True})))
     (told,) = set_aside(States(plan))
     assert "another mesh or verdict" in told and not export.exists()
+
+
+def test_the_end_of_a_run_names_no_files_of_meshes_with_other_settings(tmp_path):
+    """It said "1 unfinished; meshes: *Solver_sets.vtu" of files that an earlier run had made with other settings."""
+    plan = Plan({"": load({"output": str(tmp_path)})}, [Case("a", None, "L", 24.0, tmp_path / "a.gii")])
+    (mesh,) = plan.meshes()
+    (export,) = plan.exports(mesh)
+    export.parent.mkdir(parents=True)
+    export.touch()
+    said = [
+        outcome(States(plan, {mesh: one}), tmp_path, page=False) for one in (PLANNED, State("generate", "unfinished"))
+    ]
+    assert said[0].endswith("*Solver_sets.vtu") and said[1] == "1 case: 1 unfinished; no mesh"
 
 
 CERTIFICATE = {"schema": 3, "certified": False, "checks": [{"id": "worst_q", "passed": False}], "quality": {"q": 0.7}}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding import fold as fold_module
 from cortet.folding.body import growth_mask, scale_of
+from cortet.folding.cohort_folding import write_cohort_folding
 from cortet.folding.fold import Verdict, fold
 from cortet.folding.growth import Gompertz, Linear, age_of, by_age, growth_since, time_of
 from cortet.folding.journal import TABLE
@@ -71,6 +73,7 @@ def test_the_ball_grows_without_inversion(finished):
     assert np.all(np.diff(rows["volume_mm3"]) > 0)
     assert rows["gyrification_index"].iloc[-1] == pytest.approx(1.0, abs=0.02)
     assert verdict.min_j == pytest.approx(rows["min_j"].min(), rel=1e-5)
+    assert verdict.distortion_max == pytest.approx(rows["distortion_max"].max(), rel=1e-5)
     assert rows["step"].iloc[-1] == verdict.steps
     explained = json.loads((folder / "fold.json").read_text())
     assert list(explained) == names(COLUMNS) == list(rows) == list(Measurements.__dataclass_fields__)
@@ -157,7 +160,7 @@ def test_it_ends_at_the_first_inverted_element_and_names_it(ball, tmp_path):
     last = meshio.read(sorted((tmp_path / "frames").glob("*.vtu"))[-1])
     assert not signed_volumes(last.points, ball.cells)[verdict.element] > 0
     written = json.loads((tmp_path / "verdict.json").read_text())
-    assert written["outcome"] == "inverted"
+    assert written["outcome"] == "inverted" and written["distortion_max"] is None  # it was 1.0, of the first row
     assert written["settings"]["force"] is True and written["settings"]["growth_rate"] == 1000.0
 
 
@@ -173,7 +176,6 @@ def test_a_fold_of_strained_tetrahedra_says_from_which_week_on(ball, tmp_path):
     assert verdict.compressed_share == pytest.approx(rows["compressed_share"].max(), rel=1e-5)
     assert verdict.distorted_share == pytest.approx(rows["distorted_share"].max(), rel=1e-5)
     assert rows["distortion"].iloc[0] == 1 < rows["distortion"].iloc[1] < rows["distortion_max"].iloc[1]
-    assert verdict.distortion_max == pytest.approx(rows["distortion_max"].max(), rel=1e-5)
 
 
 def test_the_methods_paragraph_tells_of_folds(finished):
@@ -185,6 +187,18 @@ def test_the_methods_paragraph_tells_of_folds(finished):
         and f"index was {verdict.gyrification_index_last:.3f}" in told
     )
     assert "force = true" in told and f"Doubts about folds: ball ({verdict.warnings[0]}" in told
+
+
+def test_a_share_with_a_large_q_of_an_earlier_version_is_not_told_as_one_of_elastic_distortion(finished, tmp_path):
+    earlier = json.loads((finished[0] / "verdict.json").read_text()) | {"q_max": 0.9, "distorted_share": 0.31}
+    del earlier["distortion_max"]
+    (tmp_path / "verdict.json").write_text(json.dumps(earlier))
+    shutil.copy(finished[0] / TABLE, tmp_path)
+    run = {"case": "ball", "variant": None, "cell_size_mm": 2.5, "mesher": "lattice", "hemisphere": None}
+    runs = [{**run, "folder": tmp_path}, {**run, "case": "ball2", "folder": finished[0]}]
+    write_cohort_folding(runs, [], [tmp_path / "cohort_folding.tsv"])
+    shares = read_tsv(tmp_path / "cohort_folding.tsv")["distorted_share"].tolist()
+    assert shares == ["n/a", "0"] and not verdict_of_fold(tmp_path)
 
 
 def test_a_fold_says_what_smaller_cells_would_change(finished, ball, tmp_path):
