@@ -1,7 +1,7 @@
 """What cells and changes do to folds by week: differences from the next smaller cells, and from the first kind.
 
-A value v of a fold is taken to depend on the cell size h as v (1 + c (h / thickness)^2) = constant. From two sizes
-follows c, the error of the value in that unit: of the gain of the gyrification index, and of the width of folds.
+With smaller cells h the gain g of the gyrification index rises and the width w of folds falls. Both g (1 + c r) and
+w (1 - d r), r = (h / thickness)^2, are taken to be the same for all sizes, so two sizes give the errors c and d.
 Positions are those of the vertices of the surface that was meshed, after a rigid alignment.
 """
 
@@ -64,15 +64,15 @@ def differences(records: Sequence[Path]) -> pd.DataFrame:
 def _by_week(fold: dict[str, Any], other: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """Differences of a fold from another one of the same brain, in the weeks after the start that both reached."""
     start, other_start = (_index_at_start(one["folder"]) for one in (fold, other))
-    ours, theirs = (np.load(one["folder"] / CARRIED) for one in (fold, other))
+    carried, others = (dict(np.load(one["folder"] / CARRIED)) for one in (fold, other))
     size, smaller = ((one["of"]["cell_size_mm"] / one["verdict"]["thickness_mm"]) ** 2 for one in (fold, other))
-    weights, depth = vertex_areas(TriSurface(ours["start"], ours["faces"])), depth_below_hull(ours["start"])
+    weights, depth = vertex_areas(TriSurface(carried["start"], carried["faces"])), depth_below_hull(carried["start"])
     for number, (row, same_week) in enumerate(zip(fold["rows"], other["rows"], strict=False)):
         if row["week"] <= fold["verdict"]["settings"]["gestational_age"]:
             continue
         gain, other_gain = row["gyrification_index"] - start, same_week["gyrification_index"] - other_start
         width, other_width = row["fold_spacing_mm"], same_week["fold_spacing_mm"]
-        points, other_points = (carried["points"][number].astype(float) for carried in (ours, theirs))
+        points, other_points = (one["points"][number].astype(float) for one in (carried, others))
         apart = np.linalg.norm(aligned(points, other_points, weights) - other_points, axis=1)
         gained = np.array([depth_below_hull(one) - depth for one in (points, other_points)])
         covariance = np.cov(gained, aweights=weights)

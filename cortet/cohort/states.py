@@ -184,7 +184,8 @@ def state_of(jobs: Jobs, mesh: Mesh, failed: Sequence[Failure]) -> State:
     """
     plan, job = jobs.plan, jobs.plan.job(mesh)
     case, certificate = plan.cases[mesh[0]], plan.certificate(mesh)
-    other, content = first_other_rule(jobs, mesh), certificate_of(certificate)
+    content = certificate_of(certificate)
+    other = _first_other_rule(jobs, mesh, content)
     verdict = {} if other else {key: content[key] for key in ("certified", "verdict", "reasons", "remarks")}
     # if the certificate does not hold, it is the mesh or its certificate that has to be made again
     failed = [one for one in failed if one.is_about(**job) and not (other and one.rule in AFTER_CERTIFICATE)]
@@ -216,25 +217,30 @@ def state_of(jobs: Jobs, mesh: Mesh, failed: Sequence[Failure]) -> State:
     return replace(state, earlier=earlier, verdict=verdict if is_measured else {})
 
 
-def first_other_rule(jobs: Jobs, mesh: Mesh) -> str | None:
-    """The first rule that made a mesh from something else than planned; None if its certificate holds."""
-    job, certificate = jobs.plan.job(mesh), jobs.plan.certificate(mesh)
-    if jobs.is_planned("solver_ready", job, certificate_of(certificate)):
+def _first_other_rule(jobs: Jobs, mesh: Mesh, content: Mapping[str, Any]) -> str | None:
+    """The first rule that made a mesh from something else than planned; None if its certificate holds.
+
+    Parameters
+    ----------
+    content : of the certificate
+    """
+    job = jobs.plan.job(mesh)
+    if jobs.is_planned("solver_ready", job, content):
         last = Path(jobs.plan.file(jobs.plan.layout.mesh(STAGES["solver_ready"].label), mesh))
-        return "solver_ready" if _is_replaced(last, certificate) else None
+        return "solver_ready" if _is_replaced(last, jobs.plan.certificate(mesh), content["mesh_sha256"]) else None
     others = (one.rule for one in jobs.reports(job) if not jobs.is_planned(one.rule, one.job, json_of(one.path)))
     return next(others, "solver_ready")
 
 
-def _is_replaced(mesh: Path, certificate: Path) -> bool:
-    """Whether a mesh is not the one that a certificate is about; only one that is newer is read."""
+def _is_replaced(mesh: Path, certificate: Path, certified: str) -> bool:
+    """Whether a mesh is not the one that a certificate is about, by its hash; only a mesh that is newer is read."""
     if not mesh.is_file() or mesh.stat().st_mtime_ns <= certificate.stat().st_mtime_ns:
         return False
     from cortet.formats import vtu  # loads what most runs do without
     from cortet.formats.hashing import mesh_sha256
 
     try:
-        return mesh_sha256(vtu.read(mesh)) != certificate_of(certificate)["mesh_sha256"]
+        return mesh_sha256(vtu.read(mesh)) != certified
     except CortetError:
         return True
 

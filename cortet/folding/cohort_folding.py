@@ -84,7 +84,7 @@ def _order(row: Mapping[str, Any]) -> tuple[Any, ...]:
 
 def _row(run: Mapping[str, Any]) -> dict[str, Any]:
     folder = Path(run["folder"])
-    verdict = json.loads((folder / VERDICT).read_text(encoding="utf-8"))
+    verdict, of_this_version = json.loads((folder / VERDICT).read_text(encoding="utf-8")), verdict_of_fold(folder)
     table = read_tsv(folder / TABLE).apply(pd.to_numeric, errors="coerce")
     last = table.iloc[-1]
     return {
@@ -94,7 +94,7 @@ def _row(run: Mapping[str, Any]) -> dict[str, Any]:
         "end_weeks": verdict["gestational_age"],
         **{column: None if pd.isna(last[column]) else float(last[column]) for column in _LAST},
         **{key: verdict[key] for key in ("thickness_mm", "min_j", "tets", "steps", "reason")},
-        **{key: verdict_of_fold(folder).get(key) for key in _LATER},
+        **{key: of_this_version.get(key) for key in _LATER},
         "warnings": "; ".join(verdict["warnings"]),
     }
 

@@ -77,7 +77,7 @@ _STRAINED = (
 )
 #: errors of a fold that are due to its cells, of the index over its gain and of the width over itself, divided by the
 #: square of cell size over thickness: means of four brains with two sizes each (0.42 to 0.73 and 0.10 to 0.41 at 34
-#: weeks), about the same in each week. A third size of one of them gives the same: `snakemake -s studies/Snakefile`
+#: weeks), about the same in each week. A third size of two of them gives the same: `snakemake -s studies/Snakefile`
 _INDEX_ERROR, _WIDTH_ERROR = 0.6, 0.3
 #: weeks by which the age in the name of a field may be rounded
 _ROUNDED = 1e-3
@@ -177,6 +177,8 @@ def _followed(
     """Follow a run to its end: its last moment, and the rows of its table."""
     moment = journal.resumed(run)
     stops = _stops(run, settings, frames_at)
+    relative = cell_size_mm(run) / thickness_mm(run)
+    are_known = settings.model == "growing" and relative <= COARSEST
     for stop in stops:
         if stop <= moment.time and journal.rows:
             continue
@@ -185,9 +187,9 @@ def _followed(
         journal.seconds += time.perf_counter() - began
         distorted = distortion(run, moment)
         measurements = measured(run, moment, distorted)
-        if settings.model == "growing":
+        if are_known:
             first = journal.rows[0]["gyrification_index"] if journal.rows else measurements.gyrification_index
-            measurements = _with_errors(measurements, first, cell_size_mm(run) / thickness_mm(run))
+            measurements = _with_errors(measurements, first, relative)
         last = inverted or stop == run.end or measurements.gyrification_index < _LEAST_INDEX
         if last or _has_frame(measurements.gestational_age, settings, frames_at):
             asked = _is_one_of(measurements.gestational_age, settings.surfaces)
@@ -205,9 +207,7 @@ def _followed(
 
 
 def _with_errors(measurements: Measurements, index_at_start: float, relative: float) -> Measurements:
-    """The same with the errors that are due to cells of this size over the thickness, if they were measured."""
-    if relative > COARSEST:
-        return measurements
+    """The same with the errors that are due to the cells; `relative` is their size over the thickness."""
     gain, width = max(measurements.gyrification_index - index_at_start, 0.0), measurements.fold_spacing_mm
     return replace(
         measurements,

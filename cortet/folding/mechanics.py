@@ -28,6 +28,9 @@ from cortet.folding.run import Moment, Run
 from cortet.folding.smoothing import PER_ELEMENT, Edges, edge_deformation
 from cortet.meshes import FloatArray
 
+#: number of elements in a block
+_BLOCK = 256
+
 
 class Mechanics(NamedTuple):
     """What m elements feel."""
@@ -76,9 +79,10 @@ def distortion(run: Run, moment: Moment) -> FloatArray:
 def _distortion(body, x, growth, thickening):  # type: ignore[no-untyped-def]
     body = Body(*body)
     result = np.empty(len(body.cells))
-    for e in numba.prange(len(body.cells)):
-        (f0, f1, f2), _ = _elastic(body, x, growth, thickening, e)
-        result[e] = _condition(f0, f1, f2)
+    for block in numba.prange((len(result) + _BLOCK - 1) // _BLOCK):  # of fixed size, as in `kernels`
+        for e in range(block * _BLOCK, min(len(result), (block + 1) * _BLOCK)):
+            (f0, f1, f2), _ = _elastic(body, x, growth, thickening, e)
+            result[e] = _condition(f0, f1, f2)
     return result
 
 
