@@ -31,7 +31,7 @@ from _frame import command
 from scipy.optimize import curve_fit
 
 from cortet.folding.body import scale_of
-from cortet.folding.fold_figures import as_real_brains, curves, healthy_fetuses, healthy_hemispheres, real_brains
+from cortet.folding.fold_figures import BORN, as_real_brains, curves, healthy_fetuses, healthy_hemispheres, real_brains
 from cortet.folding.journal import TABLE
 from cortet.folding.measurements import shape
 from cortet.folding.medial_wall import medial_wall
@@ -44,6 +44,8 @@ from cortet.meshes import FloatArray, TriSurface
 WEEKS = (24.0, 26.0, 28.0, 30.0, 32.0, 34.0, 36.0, 38.0)
 #: ages between which a simulated brain should be like a real one, weeks
 CHECKED = (26.0, 34.0)
+#: weeks from which newborns are of term
+TERM = 38.0
 #: digits after the point of a table's columns
 DIGITS = {"gyrification_index": 3, "concave_share": 3, "sulcal_depth_mm": 2}
 AGE = "gestational_age"
@@ -188,6 +190,12 @@ def fitted(ages: FloatArray, values: FloatArray, first: tuple[float, float, floa
     return tuple(found.tolist())
 
 
+def of_laws() -> pd.DataFrame:
+    """The hemispheres of the laws: fetuses, and newborns of term; those of earlier weeks are smaller than fetuses."""
+    brains = healthy_hemispheres()
+    return brains[(brains["source"] != BORN) | (brains["gestational_age_weeks"] >= TERM)]
+
+
 def excess(value: float, wanted: float, quantity: Quantity) -> float:
     """How much more a value is than it should be: a part of it, or a difference."""
     return value - wanted if quantity.absolute else value / wanted - 1
@@ -277,8 +285,8 @@ def verdict(mean: pd.DataFrame, real: pd.DataFrame) -> list[str]:
 
 
 def laws() -> list[str]:
-    """The laws that are used, fitted again to the healthy hemispheres, and how far these are from them."""
-    brains = healthy_hemispheres()
+    """The laws that are used, fitted again to their hemispheres, and how far these are from them."""
+    brains = of_laws()
     lines = []
     for column, quantity in QUANTITIES.items():
         if quantity.law:

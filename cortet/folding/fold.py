@@ -58,7 +58,7 @@ from cortet.formats.surface_sets import MEDIAL_WALL
 from cortet.formats.tables import write_table
 from cortet.meshes import FloatArray, TetMesh
 
-VERSION: int = 16
+VERSION: int = 17
 
 #: wall time between two checkpoints, and between two updates of the tables
 _CHECKPOINT_SECONDS, _TABLE_SECONDS = 30.0, 1.0

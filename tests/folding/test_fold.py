@@ -80,7 +80,8 @@ def test_the_ball_grows_without_inversion(finished):
 
 
 def test_the_energies_balance(ball, tmp_path):
-    fold(ball, tmp_path, QUICK.with_keys(time_step=3e-4))  # the longest that is stable is a fifth of the first row
+    # the longest stable step is a fifth of the first row; a ball whose cortex thins faster than it widens does work
+    fold(ball, tmp_path, QUICK.with_keys(time_step=3e-4, growth_rate=0.024))
     rows = table(tmp_path)
     assert np.all(np.diff(rows["growth_work"]) > 0) and np.all(np.diff(rows["dissipated_energy"]) > 0)
     assert rows["energy_error"].abs().max() < 1e-2

@@ -8,18 +8,17 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from fold_brain import fitted
+from fold_brain import fitted, of_laws
 from shapes import ball_mesh
 
 from cortet.config.fold import Settings
 from cortet.errors import InputError
 from cortet.folding.fold import fold
-from cortet.folding.fold_figures import healthy_hemispheres
 from cortet.folding.growth import by_age, times_of
 from cortet.folding.kernels import grown_volume_of
 from cortet.folding.law import ACROSS, ALONG, CORE
 from cortet.folding.measurements import Measurements
-from cortet.folding.models import hidden_growth
+from cortet.folding.models import SHOWN, hidden_growth
 from cortet.folding.run import Run, beginning, prepared, time_step_of
 from cortet.measure.usual_size import AREA, HULL, VOLUME, usual
 from cortet.meshes import REGION, MeshSets, TetMesh
@@ -72,7 +71,7 @@ def test_growth_counts_from_the_age_of_the_mesh(ball):
 
 def test_growth_that_a_later_mesh_does_not_show_comes_in_its_first_week(ball):
     assert hidden_growth(0.05, 22.0) == 0 == hidden_growth(0.0, 30.0)  # all that has grown is seen
-    shown = np.sqrt(103.9 / 47.8) / np.cbrt(52.2 / 20.6)  # of usual hemispheres of 28 weeks
+    shown = np.sqrt(98.6 / 47.7) / np.cbrt(50.0 / 19.8)  # of the CRL atlas at 28 weeks
     assert hidden_growth(0.05, 28.0) == pytest.approx(1.3 / shown - 1, rel=0.01)
     laws = [
         prepared(ball, Settings(gestational_age=28.0, end=38.0, growth_rate=0.05, thickness=2.0, start=start)).growth
@@ -81,6 +80,16 @@ def test_growth_that_a_later_mesh_does_not_show_comes_in_its_first_week(ball):
     for age, part in {28.0: 0.0, 28.5: 0.5, 29.0: 1.0, 36.0: 1.0}.items():
         free, stressed = (law.at(times_of(np.array([age])), 0.0).growth[0, 0, ALONG] for law in laws)
         assert (1 + stressed) / (1 + free) == pytest.approx((1.3 / shown) ** part, rel=0.01)
+
+
+def test_the_growth_that_a_shape_shows_is_that_of_fetuses_and_of_newborns_of_term():
+    brains = of_laws()
+    ages, area, volume = (brains[name].to_numpy(float) for name in ("gestational_age_weeks", "area_cm2", "volume_ml"))
+    shape = np.sqrt(area) / np.cbrt(volume)
+    shown = shape / shape[ages == 22] - 1
+    near = np.abs(ages[:, None] - np.array(list(SHOWN))).argmin(axis=1)
+    means = [shown[near == number].mean() for number in range(len(SHOWN))]
+    assert list(SHOWN.values()) == pytest.approx(means, abs=1e-3)
 
 
 def with_region(ball: TetMesh) -> tuple[TetMesh, TetMesh]:
@@ -156,7 +165,7 @@ def test_an_envelope_holds_back_what_grows_out_of_it(ball, tmp_path):
     ("law", "column"), [(AREA, "area_cm2"), (VOLUME, "volume_ml"), (HULL, "hull_volume_ml")], ids=str
 )
 def test_the_laws_of_the_package_are_those_of_its_table(law, column):
-    brains = healthy_hemispheres()
+    brains = of_laws()
     ages, values = (brains[name].to_numpy(float) for name in ("gestational_age_weeks", column))
     again = fitted(ages, values, (1.2 * law[0], 0.9 * law[1], law[2] + 1))
     assert usual(again, ages) == pytest.approx(usual(law, ages), rel=1e-2)
