@@ -6,9 +6,10 @@ those behind the worst face of that cavity, as long as it pays. The faces of the
 vertex (Klingner and Shewchuk, Aggressive tetrahedral mesh improvement, IMR 2007). The vertex minimises the sum of mu^p
 over the new tetrahedra. Vertices that the cavity encloses are removed from the mesh, so edges collapse, too.
 
-Each boundary face of a cavity remains a face of its filling, so only the inside changes. There is one exception: a new
-vertex on the surface may split a boundary edge. Where an edge runs along a crest that no flip may cut, its
-tetrahedra would otherwise stay flat. The code is serial and takes the worst tetrahedron first.
+Each boundary face of a cavity remains a face of its filling, so only the inside changes. There are two exceptions. A
+new vertex on the surface may split a boundary edge: where one runs along a crest that no flip may cut, its tetrahedra
+would otherwise stay flat. And a boundary vertex may be removed (`optimise.removal`). The code is serial and takes the
+worst tetrahedron first.
 """
 
 from __future__ import annotations
@@ -19,12 +20,14 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.geometry.closest_point import closest_point, tree_of
+from cortet.geometry.closest_point import SurfaceTree, closest_point
 from cortet.geometry.topology import TET_FACES, neighbours, numbers, used_vertices
-from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
+from cortet.meshes import FloatArray, IntArray, TetMesh
 from cortet.optimise.cavities import EDGE_FRAMES, MAX_RING, replace_cells, ring_around, unit_normal
+from cortet.optimise.removal import remove_vertex
 from cortet.optimise.star import FLATNESS, MU2, derivatives, empty_star, energy, find_mu2, newton_step, set_column
 from cortet.optimise.swaps import live_cells, swappable
+from cortet.optimise.vertices import interface_triangles
 
 #: most tetrahedra of a cavity
 _MOST = 60
@@ -51,7 +54,7 @@ def insert_vertices(
     threshold: float,
     *,
     gain: float = MIN_GAIN,
-    surface: TriSurface | None = None,
+    tree: SurfaceTree | None = None,
     held: NDArray[np.bool_] | None = None,
 ) -> tuple[TetMesh, int]:
     """Insert vertices in tetrahedra with mu^2 above `threshold` if that improves their worst.
@@ -63,8 +66,9 @@ def insert_vertices(
     mesh : positive volumes
     mu2, region : (m,) of the tetrahedra; a cavity never joins different regions
     gain : the worst mu of a cavity must fall by this factor; if above 1, it may rise before the vertices are moved
-    surface : if given, boundary edges may be split, and the new vertices lie on this surface
-    held : (n,) vertices whose boundary edges are not split
+    tree : if given, boundary edges may be split, and the new vertices lie on its surface; and boundary vertices may be
+        removed
+    held : (n,) vertices whose boundary edges stay
 
     Returns
     -------
@@ -75,10 +79,10 @@ def insert_vertices(
         return mesh, 0
     count, room = len(mesh.points), len(mesh.points) + 2 * bad + 8
     held = np.zeros(count, np.bool_) if held is None else held
-    work = swappable(mesh, mu2, region, held, vertices=room)
+    on_triangle = None if tree is None else interface_triangles(mesh, tree)
+    work = swappable(mesh, mu2, region, held, on_triangle=on_triangle, vertices=room)
     like = np.arange(room)
     used = np.array([count])
-    tree = None if surface is None else tree_of(surface)
     changed = np.ones(room, np.bool_)
     for _ in range(_ROUNDS):
         rows = np.flatnonzero(work.mu2[: work.counters[0]] > threshold).astype(np.int32)
@@ -133,6 +137,8 @@ def _insert(mesh, tree, e, like, used, changed, gain):  # type: ignore[no-untype
                 best_cavity[:count], best_position[:], best_halved[:] = cavity[:count], position, halved
             if halved[0] < 0:  # one position is enough
                 break
+    if tree is not None and remove_vertex(mesh, tree, e, changed, best):
+        return True
     if size == 0:
         return False
     v = used[0]

@@ -7,6 +7,7 @@ import pytest
 from shapes import ball_mesh
 
 from cortet.geometry import topology
+from cortet.geometry.closest_point import tree_of
 from cortet.measure.quality import quality, signed_volumes
 from cortet.meshes import TetMesh, TriSurface
 from cortet.optimise.insertion import insert_vertices
@@ -84,7 +85,7 @@ def halved(mesh: TetMesh, height: float, held=None) -> tuple[TetMesh, int]:
     plane = TriSurface([[-9, -9, height], [9, -9, height], [0, 9, height]], [[0, 1, 2]])
     mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
     region = np.zeros(len(mesh.cells), np.int32)
-    return insert_vertices(mesh, mu2, region, float(mu2_of(0.2)), surface=plane, held=held)
+    return insert_vertices(mesh, mu2, region, float(mu2_of(0.2)), tree=tree_of(plane), held=held)
 
 
 def test_a_boundary_edge_is_halved_by_a_vertex_on_the_surface():
