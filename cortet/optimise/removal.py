@@ -28,105 +28,95 @@ def remove_vertex(mesh, tree, e, changed, most):  # type: ignore[no-untyped-def]
     gone = kept = -1
     for v in mesh.cells[e]:
         size = star_of(mesh, e, v, star)
-        faces = _fan(mesh, star, size, v, fan)
-        worst = mesh.mu2[star[:size]].max() if size else 0.0
-        for i in range(faces):
-            a = fan[i, 0]
-            achieved = _joined(mesh, star, size, v, a, most * worst)
-            if achieved < most * worst and _is_sound(mesh, tree, star, size, fan, faces, v, a):
-                most, gone, kept = achieved / worst, v, a
+        faces = _fan(mesh, star[:size], v, fan)
+        for a in fan[:faces, 0]:
+            ratio = _ratio_if_joined(mesh, star[:size], v, a)
+            if ratio < most and _is_sound(mesh, tree, star[:size], fan[:faces], v, a):
+                most, gone, kept = ratio, v, a
     if gone < 0:
         return False
     size = star_of(mesh, e, gone, star)
     for f in star[:size]:
-        for v in mesh.cells[f]:
-            changed[v] = True
+        changed[mesh.cells[f]] = True
     _join(mesh, star[:size], gone, kept)
     return True
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _fan(mesh, star, size, v, fan):  # type: ignore[no-untyped-def]
+def _fan(mesh, star, v, fan):  # type: ignore[no-untyped-def]
     """Write the other two corners of each boundary face at v, outward; return their number, 0 if v must stay."""
     count, outer = 0, 0
-    for f in star[:size]:
+    for f in star:
         for k in range(4):
             g = mesh.neighbours[f, k]
-            if mesh.cells[f, k] == v or (g >= 0 and mesh.region[f] >= mesh.region[g]):
-                continue
-            for j in range(3):
-                if mesh.cells[f, TET_FACES[k, j]] == v:
-                    fan[count, 0] = mesh.cells[f, TET_FACES[k, (j + 1) % 3]]
-                    fan[count, 1] = mesh.cells[f, TET_FACES[k, (j + 2) % 3]]
-            count += 1
-            outer += g < 0
-    if mesh.held[v] or (0 < outer < count) or (outer == 0 and mesh.on_triangle[v] < 0):
-        return 0
-    return count
+            if mesh.cells[f, k] != v and (g < 0 or mesh.region[f] < mesh.region[g]):
+                for j in range(3):
+                    if mesh.cells[f, TET_FACES[k, j]] == v:
+                        fan[count, 0] = mesh.cells[f, TET_FACES[k, (j + 1) % 3]]
+                        fan[count, 1] = mesh.cells[f, TET_FACES[k, (j + 2) % 3]]
+                count += 1
+                outer += g < 0
+    stays = mesh.held[v] or 0 < outer < count or (outer == 0 and mesh.on_triangle[v] < 0)
+    return 0 if stays else count
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _joined(mesh, star, size, v, a, limit):  # type: ignore[no-untyped-def]
-    """The worst mu^2 around v once it is joined to a; infinite if not below the limit."""
-    worst = 0.0
-    for f in star[:size]:
+def _ratio_if_joined(mesh, star, v, a):  # type: ignore[no-untyped-def]
+    """The worst mu^2 of the tetrahedra around v once it is joined to a, over the worst now."""
+    worst, before = 0.0, 0.0
+    for f in star:
+        before = max(before, mesh.mu2[f])
         if corner_of(mesh.cells, f, a) < 0:
             b, c, d, e = mesh.cells[f]
-            mu2 = mu2_at(mesh.points, a if b == v else b, a if c == v else c, a if d == v else d, a if e == v else e)
-            worst = max(worst, mu2)
-            if worst >= limit:
-                return np.inf
-    return worst
+            b, c, d, e = a if b == v else b, a if c == v else c, a if d == v else d, a if e == v else e
+            worst = max(worst, mu2_at(mesh.points, b, c, d, e))
+    return worst / before
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _is_sound(mesh, tree, star, size, fan, faces, v, a):  # type: ignore[no-untyped-def]
+def _is_sound(mesh, tree, star, fan, v, a):  # type: ignore[no-untyped-def]
     """Whether v may be joined to a: the mesh and its boundary stay manifolds, and the boundary stays on the surface."""
-    points, first = mesh.points, -1
-    opposite = np.full(2, -1, np.int32)
-    for b, c in fan[:faces]:
+    points, one, two = mesh.points, -1, -1
+    for b, c in fan:
         if mesh.held[b]:
             return False
         if b == a:
-            opposite[0] = c
+            one = c
         elif c == a:
-            opposite[1] = b
+            two = b
         else:
             ox, oy, oz = unit_normal(points[v], points[b], points[c])
             nx, ny, nz = unit_normal(points[a], points[b], points[c])
             mx, my, mz = (points[a] + points[b]) / 2
-            sx, sy, sz = points[a] - points[b]
             px, py, pz, _, _, _, _ = closest_point(tree, mx, my, mz, mesh.on_triangle[v])
-            sag2 = (px - mx) ** 2 + (py - my) ** 2 + (pz - mz) ** 2
-            if not nx * ox + ny * oy + nz * oz >= _MIN_FACE_COSINE or sag2 > _MAX_SAG**2 * (sx**2 + sy**2 + sz**2):
+            sag2, length2 = (px - mx) ** 2 + (py - my) ** 2 + (pz - mz) ** 2, ((points[a] - points[b]) ** 2).sum()
+            if not nx * ox + ny * oy + nz * oz >= _MIN_FACE_COSINE or sag2 > _MAX_SAG**2 * length2:
                 return False
-    for f in star[:size]:
-        if corner_of(mesh.cells, f, a) < 0:
-            continue
-        first = f
-        walls = 0
-        for vertex in (v, a):
-            g = mesh.neighbours[f, corner_of(mesh.cells, f, vertex)]
-            walls += g < 0 or mesh.region[g] != mesh.region[f]
-        if walls == 2:
-            return False
+    first = -1
+    for f in star:
+        if corner_of(mesh.cells, f, a) >= 0:
+            first, walls = f, 0
+            for vertex in (v, a):  # the two faces that become one
+                g = mesh.neighbours[f, corner_of(mesh.cells, f, vertex)]
+                walls += g < 0 or mesh.region[g] != mesh.region[f]
+            if walls == 2:
+                return False
     around, beside = np.empty(MAX_STAR, np.int32), np.empty((MAX_STAR, 2), np.int32)
-    others = star_of(mesh, first, a, around)
-    for g in around[:others]:
-        for x in mesh.cells[g]:
-            linked, ring = False, x in (v, a)
-            for f in star[:size]:
+    around = around[: star_of(mesh, first, a, around)]
+    for g in around:
+        for x in mesh.cells[g]:  # no edge from a to x may be there already, unless it is in a tetrahedron with both
+            linked, both = False, x in (v, a)
+            for f in star:
                 if corner_of(mesh.cells, f, x) >= 0:
                     linked = True
-                    ring |= corner_of(mesh.cells, f, a) >= 0
-            if linked and not ring:
+                    both |= corner_of(mesh.cells, f, a) >= 0
+            if linked and not both:
                 return False
-    met = _fan(mesh, around, others, a, beside)
-    for b in beside[:met, 0]:
-        for c in fan[:faces, 0]:
-            if b == c and b != opposite[0] and b != opposite[1]:
-                return False
-    return met > 0 and opposite.min() >= 0
+    others = _fan(mesh, around, a, beside)
+    for b in beside[:others, 0]:
+        if b not in (one, two) and (fan[:, 0] == b).any():
+            return False
+    return others > 0 and one >= 0 and two >= 0
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -147,5 +137,4 @@ def _join(mesh, star, v, a):  # type: ignore[no-untyped-def]
         mesh.counters[1] += 1
     for f in star:
         if mesh.cells[f, 0] >= 0:
-            b, c, d, e = mesh.cells[f]
-            mesh.mu2[f] = mu2_at(mesh.points, b, c, d, e)
+            mesh.mu2[f] = mu2_at(mesh.points, mesh.cells[f, 0], mesh.cells[f, 1], mesh.cells[f, 2], mesh.cells[f, 3])
