@@ -78,7 +78,9 @@ def wanted(
             gap = np.minimum(filled, thickness(tree_of(one), one.points, normals, most, inside=not outward))
         size = EDGE_OVER_THICKNESS * filled
         if surface.inner and parent <= 0:
-            size = np.minimum(size, EDGE_OF_LAYERS / across * cortex)
+            # cells that are too large for this many layers, and too small for fewer, would be flat or long
+            fit = np.clip(np.floor(EDGE_OF_LAYERS * cortex / (SHORTEST * edge_length)), 1, across)
+            size = np.minimum(size, EDGE_OF_LAYERS / fit * cortex)
         if longest is not None:
             size = np.minimum(size, longest[number])
         size = np.clip(size, SHORTEST * edge_length, edge_length)
