@@ -55,7 +55,8 @@ def wanted(
     ----------
     surface : with its inner ones, whose triangles then all point outward
     edge_length, distance : mm, where everything is thick
-    across : least number of tetrahedra that fit between the outer surface and those inside it
+    across : number of tetrahedra between the outer surface and those inside it; fewer where the shortest edges are too
+        long for it
     longest : for each surface (n,) mm, the largest edge length at its vertices
     """
     every, around = sheets(surface), parents(surface)
