@@ -174,9 +174,16 @@ def _delete(files: Iterable[str]) -> None:
 
 
 def _write_failure_pages(states: States) -> list[str]:
-    """Write the pages of meshes that have none of their own, because they or their volumes failed; their paths."""
+    """Write the pages of meshes that have none of their own, because they or their volumes failed; their paths.
+
+    A mesh of an earlier version, or of other settings, keeps its page with its certificate.
+    """
     plan = states.plan
+    pages, small = plan.each_case(plan.layout.case_page), plan.each_case(plan.layout.thumbnail)
     failed = {mesh: state for mesh, state in states.of.items() if not state.verdict or state.stage == "volumes"}
+    for mesh, state in states.of.items():
+        if state.state == "unfinished" and state.is_kept and _exists(pages[mesh]):
+            failed.pop(mesh, None)
     if not failed:  # what draws takes a second to load
         return []
     from cortet.formats import gifti
@@ -184,7 +191,6 @@ def _write_failure_pages(states: States) -> list[str]:
     from cortet.report.pictures import thumbnail
 
     written = []
-    pages, small = plan.each_case(plan.layout.case_page), plan.each_case(plan.layout.thumbnail)
     for mesh, state in failed.items():
         case, job, page = plan.cases[mesh[0]], plan.job(mesh), pages[mesh]
         given = existing(filled(plan.layout.surface("phantom"), job) if case.is_phantom else case.surface)

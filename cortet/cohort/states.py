@@ -13,6 +13,7 @@ from typing import Any
 
 from cortet.cohort.failures import Failure, failures
 from cortet.cohort.jobs import Jobs
+from cortet.cohort.layout import LABELS, Wildcards
 from cortet.cohort.plan import Mesh, Plan
 from cortet.cohort.sheet import Case
 from cortet.cohort.user_files import content
@@ -54,7 +55,8 @@ COLUMNS = (
 #: why a file is missing, or a mesh unfinished
 _ENDED = "the run ended before this case was done"
 _OTHER_SIZE = "its mesh has a different cell size or mesher than requested"
-_OTHER = "its mesh was replaced, or made with other settings, from another surface, or by another version of cortet"
+_OTHER = "its mesh was made with other settings, from another surface, or by another version of cortet"
+_REPLACED = "its mesh was replaced"
 _DAMAGED = "its certificate is damaged, edited, or from another version of cortet"
 
 
@@ -72,6 +74,8 @@ class State:
     #: log of the job that failed, and folder with earlier results; in the output folder
     log: str = ""
     earlier: str = ""
+    #: whether the earlier results still have their names
+    is_kept: bool = False
     #: `certified`, `verdict`, `reasons` and `remarks` of the certificate; empty if that is missing or not as planned
     verdict: Mapping[str, Any] = field(default_factory=dict)
 
@@ -185,7 +189,9 @@ def state_of(jobs: Jobs, mesh: Mesh, failed: Sequence[Failure]) -> State:
     plan, job = jobs.plan, jobs.plan.job(mesh)
     case, certificate = plan.cases[mesh[0]], plan.certificate(mesh)
     content = certificate_of(certificate)
-    other = _first_other_rule(jobs, mesh, content)
+    is_earlier = bool(content) and not jobs.is_planned("solver_ready", job, content)
+    is_replaced = bool(content) and _is_replaced(plan, mesh, content)
+    other = None if content and not is_earlier and not is_replaced else _first_other_rule(jobs, job)
     verdict = {} if other else {key: content[key] for key in ("certified", "verdict", "reasons", "remarks")}
     # if the certificate does not hold, it is the mesh or its certificate that has to be made again
     failed = [one for one in failed if one.is_about(**job) and not (other and one.rule in AFTER_CERTIFICATE)]
@@ -193,9 +199,8 @@ def state_of(jobs: Jobs, mesh: Mesh, failed: Sequence[Failure]) -> State:
         log = failed[0].log.relative_to(plan.layout.output).as_posix()
         state = State(failed[0].rule, "failed", failed[0].reason, failed[0].remedy, log)
     elif other and certificate.exists():
-        state = State(
-            other, "unfinished", _OTHER if content else _DAMAGED, f"`snakemake --forcerun {other}` remakes it"
-        )
+        why = _REPLACED if is_replaced else _OTHER if content else _DAMAGED
+        state = State(other, "unfinished", why, f"`snakemake --forcerun {other}` remakes it")
     elif other:
         state = State(other, "unfinished", _OTHER_SIZE if certificates_of(plan, case) else _ENDED)
     elif missing := [maker for path, maker in plan.final_files(mesh).items() if not Path(path).exists()]:
@@ -210,37 +215,38 @@ def state_of(jobs: Jobs, mesh: Mesh, failed: Sequence[Failure]) -> State:
         return State("certify", "certified", "; ".join(content["remarks"]), verdict=verdict)
     is_measured = state.stage in AFTER_CERTIFICATE
     # the surface of a case that failed is missing, else its results would be outdated
-    kept = state.state == "failed" and not is_measured and certificate.exists()
+    kept = certificate.exists() and not is_measured if state.state == "failed" else is_earlier and not is_replaced
     folder = certificate.parent if kept else Path(plan.layout.output) / case.folder / OUTDATED
     has_earlier = kept or any(folder.glob(f"*/{case.name}_*"))
     earlier = folder.relative_to(plan.layout.output).as_posix() if has_earlier else ""
-    return replace(state, earlier=earlier, verdict=verdict if is_measured else {})
+    return replace(state, earlier=earlier, is_kept=kept, verdict=verdict if is_measured else {})
 
 
-def _first_other_rule(jobs: Jobs, mesh: Mesh, content: Mapping[str, Any]) -> str | None:
-    """The first rule that made a mesh from something else than planned; None if its certificate holds.
+def _first_other_rule(jobs: Jobs, job: Wildcards) -> str:
+    """The first rule that made a mesh from something else than planned; the last one if all reports are as planned."""
+    others = (one.rule for one in jobs.reports(job) if not jobs.is_planned(one.rule, one.job, json_of(one.path)))
+    return next(others, "solver_ready")
+
+
+def _is_replaced(plan: Plan, mesh: Mesh, content: Mapping[str, Any]) -> bool:
+    """Whether a mesh is not the one that its certificate is about.
+
+    A mesh that is older than the certificate is told by its numbers of nodes and tetrahedra; only a newer one is read.
 
     Parameters
     ----------
     content : of the certificate
     """
-    job = jobs.plan.job(mesh)
-    if jobs.is_planned("solver_ready", job, content):
-        last = Path(jobs.plan.file(jobs.plan.layout.mesh(STAGES["solver_ready"].label), mesh))
-        return "solver_ready" if _is_replaced(last, jobs.plan.certificate(mesh), content["mesh_sha256"]) else None
-    others = (one.rule for one in jobs.reports(job) if not jobs.is_planned(one.rule, one.job, json_of(one.path)))
-    return next(others, "solver_ready")
-
-
-def _is_replaced(mesh: Path, certificate: Path, certified: str) -> bool:
-    """Whether a mesh is not the one that a certificate is about, by its hash; only a mesh that is newer is read."""
-    if not mesh.is_file() or mesh.stat().st_mtime_ns <= certificate.stat().st_mtime_ns:
+    last, certificate = Path(plan.file(plan.layout.mesh(LABELS["solver_ready"]), mesh)), plan.certificate(mesh)
+    if not last.is_file():
         return False
     from cortet.formats import vtu  # loads what most runs do without
     from cortet.formats.hashing import mesh_sha256
 
     try:
-        return mesh_sha256(vtu.read(mesh)) != certified
+        if last.stat().st_mtime_ns <= certificate.stat().st_mtime_ns:
+            return vtu.counts(last) != (content["quality"]["nodes"], content["quality"]["tets"])
+        return mesh_sha256(vtu.read(last)) != content["mesh_sha256"]
     except CortetError:
         return True
 

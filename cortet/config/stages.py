@@ -117,8 +117,9 @@ class Regions(Section):
     """Largest distance, mm, by which an inner surface may lie outside the surface around it and still be moved
     inside."""
     elements_across: Annotated[int, Field(ge=1, le=6)] = 1
-    """Least number of tetrahedra across the cortex, between the outer surface and the inner ones. Cells there become
-    smaller, down to 0.35 h, and grow back to h further inside. The certificate records the number reached."""
+    """Number of tetrahedra across the cortex, between the outer surface and the inner ones. Cells there become smaller,
+    down to 0.35 h, and grow back to h further inside; where that is not enough, as many as fit. The certificate records
+    the number reached."""
 
 
 _EDGE_LENGTHS = [1.25, 1.2, 1.15, 1.1, 1.0, 0.9, 0.8, 0.7, 0.6]

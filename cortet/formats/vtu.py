@@ -9,6 +9,7 @@ Files are written in VTK's default form: raw data behind the XML
 
 from __future__ import annotations
 
+import re
 import zlib
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,8 @@ from cortet.meshes import TetMesh
 
 #: bytes that are compressed at a time
 _BLOCK = 1 << 20
+#: bytes in which a file of cortet says how many nodes it has, after the names of its sets
+_BEGIN = 1 << 16
 
 _TYPES = {
     name: np.dtype(name.lower())
@@ -54,6 +57,13 @@ def read(path: str | Path) -> TetMesh:
         }
         corners = arrays["Cells"]["connectivity"].reshape(-1, 4)
         return without_sets(path, arrays["Points"]["Points"], corners, arrays["PointData"], arrays["CellData"])
+
+
+def counts(path: str | Path) -> tuple[int, int] | None:
+    """Numbers of nodes and tetrahedra of a file of cortet, by its first bytes; None for another file."""
+    with Path(path).open("rb") as file:
+        found = re.search(rb'NumberOfPoints="(\d+)" NumberOfCells="(\d+)"', file.read(_BEGIN))
+    return (int(found[1]), int(found[2])) if found else None
 
 
 def _values(array: ElementTree.Element, data: bytes) -> NDArray[Any]:

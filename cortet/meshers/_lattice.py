@@ -17,7 +17,7 @@ from scipy.spatial import KDTree
 
 from cortet.geometry.closest_point import closer_than, closest_points, tree_of
 from cortet.geometry.thickness import thickness
-from cortet.geometry.topology import enclosed_volume, vertex_normals
+from cortet.geometry.topology import edges, enclosed_volume, vertex_normals
 from cortet.meshers._remesh import GROWTH
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
@@ -40,6 +40,8 @@ _FULL = 0.95
 _CLEAR_OF_THINNER = 4.0
 #: least distance between these nodes, and of lattice nodes from them, over the edge length
 MEDIAL_APART, MEDIAL_CLEAR = 0.95, 0.75
+#: as the two pairs above, in a layer between two surfaces, whatever its edges
+LAYER_THINNEST, LAYER_THICKEST, LAYER_APART = 1.1, 2.0, 0.7
 #: a node half-way keeps this share of the thickness from both banks
 _HALF_WAY = 0.45
 #: offset of the lattice's origin in a cube; any that puts no node on a round coordinate will do
@@ -56,7 +58,7 @@ def graded_nodes(
     core_depth: float = 0.0,
     growth: float = GROWTH,
     plateau: float = 0.0,
-    halve: bool = True,
+    layer: bool = False,
     balls: FloatArray | None = None,
 ) -> FloatArray:
     """Nodes of lattices inside closed surfaces, finer near smaller triangles and coarser in the core, (n, 3) mm.
@@ -74,7 +76,8 @@ def graded_nodes(
     core_depth : mm, depth below the boundary at which cells begin to grow; of no effect when `core_ratio` is 1
     growth : share of the distance from the boundary by which finer lattices grow
     plateau : distance from the boundary where finer lattices begin to grow, over the edge length there
-    halve : whether blades too thin for the lattice get nodes half-way between their banks
+    layer : whether all of it is a layer between surfaces, which gets nodes half-way where two tetrahedra fit, not only
+        where blades are too thin for the lattice
     balls : (k, 5) mm, centre and radius of each ball with smaller cells, and the edge length in it, as `size`
     """
     tree = tree_of(boundary)
@@ -99,29 +102,37 @@ def graded_nodes(
         nodes = nodes[~closer_than(tree, nodes, GAP * spacing)]
         kept = np.concatenate([kept, _apart(nodes, kept, APART * cell_size * (ratio + before) / 2)])
         before = ratio
-    medial, own = _medial_nodes(boundary, size) if halve else (kept[:0], kept[:0, 0])
+    medial, own = _medial_nodes(boundary, size, layer)
     if not len(medial):
         return kept
     distance, nearest = KDTree(medial).query(kept)
     return np.concatenate([medial, kept[distance > MEDIAL_CLEAR * own[nearest]]])
 
 
-def _medial_nodes(boundary: TriSurface, size: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Nodes half-way between the banks of blades too thin for the lattice, (k, 3) mm, and the edge length there, (k,).
+def _medial_nodes(boundary: TriSurface, size: FloatArray, layer: bool) -> tuple[FloatArray, FloatArray]:
+    """Nodes half-way between banks too near for the lattice, (k, 3) mm, and the edge length there, (k,).
 
-    Without them, tetrahedra would reach from bank to bank. They are centres of the shrinking balls of the vertices.
+    Without them, tetrahedra would reach from bank to bank. They are centres of the shrinking balls of the vertices; in
+    a `layer`, of the middles of edges: tetrahedra between triangles shifted by half an edge are like the lattice's.
     """
     outward = enclosed_volume(boundary.points, boundary.faces) > 0
-    tree, normals = tree_of(boundary), vertex_normals(boundary.points, boundary.faces)
-    between = thickness(tree, boundary.points, normals, 1.1 * THICKEST * size.max(), inside=outward)
-    thin = (between > THINNEST * size) & (between < THICKEST * size) & (size > _FULL * size.max())
-    thinner = KDTree(boundary.points[between <= THINNEST * size])
-    thin &= thinner.query(boundary.points)[0] > _CLEAR_OF_THINNER * size
+    tree, points, normals = tree_of(boundary), boundary.points, vertex_normals(boundary.points, boundary.faces)
+    thinnest, thickest, apart = THINNEST, THICKEST, MEDIAL_APART
+    if layer:
+        thinnest, thickest, apart = LAYER_THINNEST, LAYER_THICKEST, LAYER_APART
+        ends = edges(boundary.faces)
+        points, size, normals = points[ends].mean(axis=1), size[ends].mean(axis=1), normals[ends].mean(axis=1)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    between = thickness(tree, points, normals, 1.1 * thickest * size.max(), inside=outward)
+    thin = (between > thinnest * size) & (between < thickest * size)
+    if not layer:
+        thinner = KDTree(points[between <= thinnest * size])
+        thin &= (size > _FULL * size.max()) & (thinner.query(points)[0] > _CLEAR_OF_THINNER * size)
     inward = -normals[thin] if outward else normals[thin]
-    nodes, between, size = boundary.points[thin] + inward * between[thin, None] / 2, between[thin], size[thin]
+    nodes, between, size = points[thin] + inward * between[thin, None] / 2, between[thin], size[thin]
     clear = closest_points(tree, nodes).distances > _HALF_WAY * between
     nodes, size = nodes[clear], size[clear]
-    kept = _thinned(nodes, MEDIAL_APART * size)
+    kept = _thinned(nodes, apart * size)
     return nodes[kept], size[kept]
 
 

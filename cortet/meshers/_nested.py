@@ -55,7 +55,8 @@ def wanted(
     ----------
     surface : with its inner ones, whose triangles then all point outward
     edge_length, distance : mm, where everything is thick
-    across : least number of tetrahedra that fit between the outer surface and those inside it
+    across : number of tetrahedra between the outer surface and those inside it; fewer where the shortest edges are too
+        long for it
     longest : for each surface (n,) mm, the largest edge length at its vertices
     """
     every, around = sheets(surface), parents(surface)
@@ -78,7 +79,9 @@ def wanted(
             gap = np.minimum(filled, thickness(tree_of(one), one.points, normals, most, inside=not outward))
         size = EDGE_OVER_THICKNESS * filled
         if surface.inner and parent <= 0:
-            size = np.minimum(size, EDGE_OF_LAYERS / across * cortex)
+            # cells that are too large for this many layers, and too small for fewer, would be flat or long
+            fit = np.clip(np.floor(EDGE_OF_LAYERS * cortex / (SHORTEST * edge_length)), 1, across)
+            size = np.minimum(size, EDGE_OF_LAYERS / fit * cortex)
         if longest is not None:
             size = np.minimum(size, longest[number])
         size = np.clip(size, SHORTEST * edge_length, edge_length)

@@ -148,7 +148,7 @@ def _nodes(
         core_depth=settings.core_depth,
         growth=growth,
         plateau=plateau,
-        halve=not within,  # a layer between two surfaces is better without
+        layer=len(within) > 0,
         balls=np.column_stack([facts.contacts, edge / facts.cell_size * around]),
     )
 

@@ -16,8 +16,8 @@ MAX_RING = 10
 MAX_NEW = 2 * (MAX_RING - 1)
 
 
-#: most vertices of a star that are searched for an edge between two vertices
-_MAX_STAR = 512
+#: most tetrahedra of a star that is searched
+MAX_STAR = 512
 
 
 #: corners (a, b, c, d) of a positive tetrahedron for each of its edges (a, b)
@@ -273,28 +273,36 @@ def replace_cells(mesh, cavity, old, new, size):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def share_an_edge(mesh, e, a, b):  # type: ignore[no-untyped-def]
-    """Whether vertex a, a corner of tetrahedron e, shares an edge with vertex b; also True if its star is too large."""
-    seen = np.empty(_MAX_STAR, np.int32)
-    seen[0], size, done = e, 1, 0
+def star_of(mesh, e, a, star):  # type: ignore[no-untyped-def]
+    """Write the tetrahedra around vertex a, a corner of e, to `star`; return their number, 0 if there are too many."""
+    star[0], size, done = e, 1, 0
     while done < size:
-        f = seen[done]
+        f = star[done]
         done += 1
-        if corner_of(mesh.cells, f, b) >= 0:
-            return True
         for i in range(4):
             g = mesh.neighbours[f, i]
             if g < 0 or mesh.cells[f, i] == a:
                 continue
             known = False
             for j in range(size):
-                known |= seen[j] == g
+                known |= star[j] == g
             if not known:
-                if size == _MAX_STAR:
-                    return True
-                seen[size] = g
+                if size == len(star):
+                    return 0
+                star[size] = g
                 size += 1
-    return False
+    return size
+
+
+@numba.njit(cache=True, error_model="numpy")
+def share_an_edge(mesh, e, a, b):  # type: ignore[no-untyped-def]
+    """Whether vertex a, a corner of tetrahedron e, shares an edge with vertex b; also True if its star is too large."""
+    star = np.empty(MAX_STAR, np.int32)
+    size = star_of(mesh, e, a, star)
+    for f in star[:size]:
+        if corner_of(mesh.cells, f, b) >= 0:
+            return True
+    return size == 0
 
 
 # scalars throughout: a small array for each difference takes longer than the arithmetic

@@ -6,9 +6,8 @@ those behind the worst face of that cavity, as long as it pays. The faces of the
 vertex (Klingner and Shewchuk, Aggressive tetrahedral mesh improvement, IMR 2007). The vertex minimises the sum of mu^p
 over the new tetrahedra. Vertices that the cavity encloses are removed from the mesh, so edges collapse, too.
 
-Each boundary face of a cavity remains a face of its filling, so only the inside changes. There is one exception: a new
-vertex on the surface may split a boundary edge. Where an edge runs along a crest that no flip may cut, its
-tetrahedra would otherwise stay flat. The code is serial and takes the worst tetrahedron first.
+Each boundary face of a cavity remains a face of its filling, so only the inside changes. But where that is better, a
+vertex of the boundary is removed (`optimise.removal`). The code is serial and takes the worst tetrahedron first.
 """
 
 from __future__ import annotations
@@ -19,12 +18,14 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from cortet.geometry.closest_point import closest_point, tree_of
+from cortet.geometry.closest_point import SurfaceTree
 from cortet.geometry.topology import TET_FACES, neighbours, numbers, used_vertices
-from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface
-from cortet.optimise.cavities import EDGE_FRAMES, MAX_RING, replace_cells, ring_around, unit_normal
+from cortet.meshes import FloatArray, IntArray, TetMesh
+from cortet.optimise.cavities import EDGE_FRAMES, MAX_RING, replace_cells, ring_around
+from cortet.optimise.removal import remove_vertex
 from cortet.optimise.star import FLATNESS, MU2, derivatives, empty_star, energy, find_mu2, newton_step, set_column
 from cortet.optimise.swaps import live_cells, swappable
+from cortet.optimise.vertices import interface_triangles
 
 #: most tetrahedra of a cavity
 _MOST = 60
@@ -36,10 +37,6 @@ _POWER, _STEPS = 8, 2
 _BACKTRACKS, _SHRINK = 5, 0.4
 #: the worst mu of a cavity must fall by this factor, or the vertex is not inserted
 MIN_GAIN = 0.995
-#: where a boundary edge may be split, as shares of its length
-_PARTS = (0.5, 0.35, 0.65)
-#: largest distance of the split from the surface, over the length of the edge; new faces within acos(the second) of old
-_MAX_SAG, _MIN_FACE_COSINE = 0.35, 0.3
 #: passes over the list of bad tetrahedra
 _ROUNDS = 2
 
@@ -51,7 +48,7 @@ def insert_vertices(
     threshold: float,
     *,
     gain: float = MIN_GAIN,
-    surface: TriSurface | None = None,
+    tree: SurfaceTree | None = None,
     held: NDArray[np.bool_] | None = None,
 ) -> tuple[TetMesh, int]:
     """Insert vertices in tetrahedra with mu^2 above `threshold` if that improves their worst.
@@ -63,8 +60,8 @@ def insert_vertices(
     mesh : positive volumes
     mu2, region : (m,) of the tetrahedra; a cavity never joins different regions
     gain : the worst mu of a cavity must fall by this factor; if above 1, it may rise before the vertices are moved
-    surface : if given, boundary edges may be split, and the new vertices lie on this surface
-    held : (n,) vertices whose boundary edges are not split
+    tree : if given, vertices of the boundary may be removed where it stays on this surface
+    held : (n,) vertices whose boundary faces stay
 
     Returns
     -------
@@ -75,10 +72,10 @@ def insert_vertices(
         return mesh, 0
     count, room = len(mesh.points), len(mesh.points) + 2 * bad + 8
     held = np.zeros(count, np.bool_) if held is None else held
-    work = swappable(mesh, mu2, region, held, vertices=room)
+    on_triangle = None if tree is None else interface_triangles(mesh, tree)
+    work = swappable(mesh, mu2, region, held, on_triangle=on_triangle, vertices=room)
     like = np.arange(room)
     used = np.array([count])
-    tree = None if surface is None else tree_of(surface)
     changed = np.ones(room, np.bool_)
     for _ in range(_ROUNDS):
         rows = np.flatnonzero(work.mu2[: work.counters[0]] > threshold).astype(np.int32)
@@ -120,26 +117,24 @@ def _insert(mesh, tree, e, like, used, changed, gain):  # type: ignore[no-untype
     best_cavity = np.empty(_MOST, np.int32)
     position, best_position = np.empty(3), np.empty(3)
     ring, around = np.empty(MAX_RING + 1, np.int32), np.empty(MAX_RING, np.int32)
-    halved, best_halved = np.empty(4, np.int32), np.empty(4, np.int32)
     best, size = gain**2, 0
     for seed in range(11):
-        for part in _PARTS:
-            count = _begun(mesh, tree, e, seed, part, cavity, position, halved, ring, around)
-            if count == 0:
-                continue
-            ratio, count = _best_cavity(mesh, cavity, count, faces, position, halved)
-            if ratio < best:
-                best, size = ratio, count
-                best_cavity[:count], best_position[:], best_halved[:] = cavity[:count], position, halved
-            if halved[0] < 0:  # one position is enough
-                break
+        count = _begun(mesh, e, seed, cavity, position, ring, around)
+        if count == 0:
+            continue
+        ratio, count = _best_cavity(mesh, cavity, count, faces, position)
+        if ratio < best:
+            best, size = ratio, count
+            best_cavity[:count], best_position[:] = cavity[:count], position
+    if tree is not None and remove_vertex(mesh, tree, e, changed, best):
+        return True
     if size == 0:
         return False
     v = used[0]
     used[0] += 1
     mesh.points[v] = best_position
-    like[v] = like[best_halved[0]] if best_halved[0] >= 0 else like[mesh.cells[e, 0]]
-    outer = _outer_faces(mesh, best_cavity, size, faces, best_halved)
+    like[v] = like[mesh.cells[e, 0]]
+    outer = _outer_faces(mesh, best_cavity, size, faces)
     new = np.empty((outer, 4), np.int32)
     for i in range(outer):
         new[i, 0], new[i, 1], new[i, 2], new[i, 3] = v, faces[i, 0], faces[i, 1], faces[i, 2]
@@ -152,23 +147,16 @@ def _insert(mesh, tree, e, like, used, changed, gain):  # type: ignore[no-untype
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _begun(mesh, tree, e, seed, part, cavity, position, halved, ring, around):  # type: ignore[no-untyped-def]
+def _begun(mesh, e, seed, cavity, position, ring, around):  # type: ignore[no-untyped-def]
     """Write the smallest cavity of a new vertex, and its `position`; return the number of tetrahedra, 0 for no vertex.
 
-    Seeds 0 to 5 are the edges of tetrahedron e, 6 to 9 its faces, 10 its middle. `halved` holds the boundary edge that
-    the vertex splits, at the share `part` of its length, as in `_on_crest`; -1 for a vertex inside.
+    Seeds 0 to 5 are the edges of tetrahedron e, 6 to 9 its faces, 10 its middle.
     """
-    halved[:] = -1
     if seed < 6:
         a, b, n, tets = ring_around(mesh, e, EDGE_FRAMES[seed], ring, around)
         cavity[:tets] = around[:tets]
         position[:] = (mesh.points[a] + mesh.points[b]) / 2
-        if n != tets:
-            if tree is None:
-                return 0
-            halved[0], halved[1], halved[2], halved[3] = a, b, ring[0], ring[n - 1]
-            return tets if _on_crest(mesh, tree, halved, part, position) else 0
-        return tets
+        return tets if n == tets else 0
     cavity[0], count = e, 1
     if seed < 10:
         f = mesh.neighbours[e, seed - 6]
@@ -183,47 +171,16 @@ def _begun(mesh, tree, e, seed, part, cavity, position, halved, ring, around):  
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _on_crest(mesh, tree, halved, part, position):  # type: ignore[no-untyped-def]
-    """Set `position` to the surface point nearest to the share `part` of a boundary edge; False if none may go there.
-
-    `halved` holds the ends a, b of the edge, and c, d: its faces are (a, c, b) and (a, b, d), outward.
-    """
-    points = mesh.points
-    a, b, c, d = halved
-    if mesh.held[a] or mesh.held[b] or mesh.held[c] or mesh.held[d]:
-        return False
-    ax, ay, az = points[a]
-    sx, sy, sz = points[b, 0] - ax, points[b, 1] - ay, points[b, 2] - az
-    x, y, z = ax + part * sx, ay + part * sy, az + part * sz
-    px, py, pz, _, _, _, _ = closest_point(tree, x, y, z, -1)
-    position[0], position[1], position[2] = px, py, pz
-    sag2 = (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
-    if sag2 > _MAX_SAG**2 * (sx * sx + sy * sy + sz * sz):
-        return False
-    for third in (c, d):
-        # both normals of a face change sign with its turn, so the turn does not matter
-        ox, oy, oz = unit_normal(points[a], points[third], points[b])
-        for start, end in ((a, third), (third, b)):
-            nx, ny, nz = unit_normal(points[start], points[end], position)
-            if not nx * ox + ny * oy + nz * oz >= _MIN_FACE_COSINE:
-                return False
-    return True
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _outer_faces(mesh, cavity, size, faces, halved):  # type: ignore[no-untyped-def]
-    """Write the faces around a cavity, outward, and the tetrahedron behind each (-1: none); return their number.
-
-    The two boundary faces of an edge that is split are left out, so that four faces replace them.
-    """
+def _outer_faces(mesh, cavity, size, faces):  # type: ignore[no-untyped-def]
+    """Write the faces around a cavity, outward, and the tetrahedron behind each (-1: none); return their number."""
     count = 0
     for done in range(size):
-        count = _with_one_more(mesh, cavity, done, faces, count, halved)
+        count = _with_one_more(mesh, cavity, done, faces, count)
     return count
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _with_one_more(mesh, cavity, size, faces, count, halved):  # type: ignore[no-untyped-def]
+def _with_one_more(mesh, cavity, size, faces, count):  # type: ignore[no-untyped-def]
     """Update the first `count` faces around cavity[:size], as `_outer_faces` does, for one more: cavity[size]."""
     e = cavity[size]
     kept = 0
@@ -238,23 +195,19 @@ def _with_one_more(mesh, cavity, size, faces, count, halved):  # type: ignore[no
         for j in range(size):
             inside |= f == cavity[j]
         if not inside:
-            ends = 0
             for j in range(3):
-                vertex = mesh.cells[e, TET_FACES[k, j]]
-                faces[kept, j] = vertex
-                ends += vertex == halved[0] or vertex == halved[1]
+                faces[kept, j] = mesh.cells[e, TET_FACES[k, j]]
             faces[kept, 3] = f
-            kept += f >= 0 or ends < 2
+            kept += 1
     return kept
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _best_cavity(mesh, cavity, count, faces, position, halved):  # type: ignore[no-untyped-def]
+def _best_cavity(mesh, cavity, count, faces, position):  # type: ignore[no-untyped-def]
     """Grow a cavity behind its worst face, and find the size whose filling improves the worst mu^2 most.
 
-    Starts from cavity[:count] and a vertex at `position`; in the end, both hold the best that was found. A vertex that
-    splits a boundary edge does not move. Returns the new worst over the old, infinite if no filling is valid, and the
-    size of the cavity.
+    Starts from cavity[:count] and a vertex at `position`; in the end, both hold the best that was found. Returns
+    the new worst over the old, infinite if no filling is valid, and the size of the cavity.
     """
     star = empty_star()
     trial = position.copy()
@@ -262,9 +215,9 @@ def _best_cavity(mesh, cavity, count, faces, position, halved):  # type: ignore[
     worst = 0.0
     for i in range(count):
         worst = max(worst, mesh.mu2[cavity[i]])
-    outer = _outer_faces(mesh, cavity, count, faces, halved)
+    outer = _outer_faces(mesh, cavity, count, faces)
     while True:
-        achieved, at = _settled(mesh, faces, outer, trial, star, _STEPS if halved[0] < 0 else 0)
+        achieved, at = _settled(mesh, faces, outer, trial, star, _STEPS)
         if achieved / worst < best:
             best, size = achieved / worst, count
             position[:] = trial
@@ -272,7 +225,7 @@ def _best_cavity(mesh, cavity, count, faces, position, halved):  # type: ignore[
         if behind < 0 or count == _MOST or count - size == _PATIENCE or mesh.region[behind] != mesh.region[cavity[0]]:
             return best, size
         cavity[count] = behind
-        outer = _with_one_more(mesh, cavity, count, faces, outer, halved)
+        outer = _with_one_more(mesh, cavity, count, faces, outer)
         count += 1
         worst = max(worst, mesh.mu2[behind])
 

@@ -71,7 +71,7 @@ def nodes_near(part: Part, points: FloatArray) -> IntArray:
 
 
 def better_of_each(first: TetMesh, second: TetMesh, threshold: float) -> TetMesh:
-    """For each pocket, the try with the smaller sum of cubes of what its tetrahedra exceed `threshold` by.
+    """For each pocket, the try with the smaller sum of fourth powers of what its tetrahedra exceed `threshold` by.
 
     The first if they are equal. The second try may lack pockets; there the first one stays.
     """
@@ -164,12 +164,12 @@ def _count(mesh: TetMesh) -> int:
 
 
 def _excess(mesh: TetMesh, count: int, threshold: float) -> FloatArray:
-    """Sum over each of `count` pockets of the cube of what q exceeds `threshold` by; infinite where the mesh lacks one.
+    """Sum over each of `count` pockets of the fourth power of what q exceeds `threshold` by; infinite if it lacks one.
 
-    The cube makes the worst tetrahedron count most, without many new ones just below it.
+    The power makes the worst tetrahedron count most, without many new ones just below it.
     """
     pocket, q = mesh.cell_data[_POCKET], quality(mesh.points, mesh.cells)
-    total = np.bincount(pocket, np.maximum(q - threshold, 0) ** 3, minlength=count)
+    total = np.bincount(pocket, np.maximum(q - threshold, 0) ** 4, minlength=count)
     return np.where(np.bincount(pocket, minlength=count) == 0, np.inf, total)
 
 

@@ -176,8 +176,8 @@ def searched(
     """Search around the worst tetrahedra, in pockets cut out of the mesh.
 
     Also returns the number of vertices inserted. An insertion may make a pocket worse before it makes it better. If the
-    boundary may slide, its edges may be split, too. A pocket whose boundary is spoilt goes back to its earlier state,
-    and is tried again with vertices held. What a search leaves, another one would leave again, so a `later` one
+    boundary may slide, its vertices may be removed, too. A pocket whose boundary is spoilt goes back to its earlier
+    state, and is tried again with vertices held. What a search leaves, another one would leave again, so a `later` one
     relaxes the pockets first.
     """
     q = quality(mesh.points, mesh.cells)
@@ -226,7 +226,7 @@ def _best_tries(
     """
     best = start
     for powers in _SEARCH_POWERS:
-        aims = [Pass(_GIVING_WAY * threshold, power, _SEARCH_SWEEPS) for power in powers]
+        aims = [Pass(_GIVING_WAY * threshold, power, _SEARCH_SWEEPS, crests=True) for power in powers]
         found = _best_of_series(start, part, surface, threshold, aims, boundary, relax=relax, allowed=allowed)
         best = better_of_each(best, found, allowed)
         start = only(start, bad_in_each(best, threshold) > 0)
@@ -288,9 +288,9 @@ def _tried(
 
     mesh, _ = _swapped(mesh, tree, threshold, rigid())
     mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
-    halving = surface if boundary == "slide" else None
+    removing = tree if boundary == "slide" else None
     mesh, _ = insert_vertices(
-        mesh, mu2, _regions(mesh), float(mu2_of(threshold)), gain=gain, surface=halving, held=rigid()
+        mesh, mu2, _regions(mesh), float(mu2_of(threshold)), gain=gain, tree=removing, held=rigid()
     )
     return move_vertices(mesh, tree, aims, boundary=boundary, held=rim_of(part, mesh))[0]
 

@@ -136,7 +136,7 @@ def _lowest_cosine(points, p, v, x, y, z, nx, ny, nz):  # type: ignore[no-untype
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-def]
+def _move(state, p, tree, v, half_power, cap, crests, star):  # type: ignore[no-untyped-def]
     """Try to improve one vertex; True if it moved."""
     points = state.points
     size = _gather(points, p, v, star)
@@ -149,6 +149,8 @@ def _move(state, p, tree, v, half_power, cap, star):  # type: ignore[no-untyped-
     if sliding:
         nx, ny, nz = triangle_normal(tree.corners[on_triangle])
         lowest = min(_MIN_FACE_COSINE, _lowest_cosine(points, p, v, ox, oy, oz, nx, ny, nz))
+        if crests and lowest < 0:
+            lowest = -1.0
         sx, sy, sz = tangent_step(slopes, nx, ny, nz)
     else:
         sx, sy, sz = newton_step(slopes)
@@ -189,7 +191,7 @@ def _choose(wanted, state, p, threshold):  # type: ignore[no-untyped-def]
 
 
 @numba.njit(parallel=True, cache=True, error_model="numpy")
-def _sweep(state, patches, tree, runs, starts, half_power, threshold, cap, most):  # type: ignore[no-untyped-def]
+def _sweep(state, patches, tree, runs, starts, half_power, threshold, cap, crests, most):  # type: ignore[no-untyped-def]
     """Visit the stale vertices of tetrahedra with mu^2 above `threshold`, `most` times or until none moves.
 
     Runs of one colour, which share no tetrahedron, are visited at the same time. Returns the number of sweeps.
@@ -201,7 +203,7 @@ def _sweep(state, patches, tree, runs, starts, half_power, threshold, cap, most)
         for colour in range(len(starts) - 1):
             for i in numba.prange(starts[colour], starts[colour + 1]):
                 moved += _visit_run(
-                    runs[i], wanted, State(*state), Patches(*patches), SurfaceTree(*tree), half_power, cap
+                    runs[i], wanted, State(*state), Patches(*patches), SurfaceTree(*tree), half_power, cap, crests
                 )
         if moved == 0:
             return sweep + 1
@@ -209,7 +211,7 @@ def _sweep(state, patches, tree, runs, starts, half_power, threshold, cap, most)
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _visit_run(run, wanted, state, p, tree, half_power, cap):  # type: ignore[no-untyped-def]
+def _visit_run(run, wanted, state, p, tree, half_power, cap, crests):  # type: ignore[no-untyped-def]
     """Visit the vertices of one run in index order.
 
     No tetrahedron rises above `cap`, or above the worst around its vertex if higher. Returns the number of moves.
@@ -223,7 +225,7 @@ def _visit_run(run, wanted, state, p, tree, half_power, cap):  # type: ignore[no
         worst = 0.0
         for i in range(p.offsets[v], p.offsets[v + 1]):
             worst = max(worst, state.mu2[p.around[i]])
-        if _move(state, p, tree, v, half_power, max(cap, worst), star):
+        if _move(state, p, tree, v, half_power, max(cap, worst), crests, star):
             moved += 1
             for i in range(p.offsets[v], p.offsets[v + 1]):
                 for j in range(4):
@@ -266,6 +268,9 @@ class Pass(NamedTuple):
     #: no tetrahedron may rise above this q, or above the worst one around the vertex that moves if that is higher. The
     #: worst of the whole mesh is not the limit: then one bad spot would let all others become as bad
     keep: float = 1.0
+    #: whether a vertex with a face that looks away from the surface below it, as beside a sharp crest, may turn it
+    #: further: else it could hardly move along the crest
+    crests: bool = False
 
 
 @dataclass(frozen=True)
@@ -348,7 +353,8 @@ def _run(
     state.stale[:] = True
     threshold = float(mu2_of(aim.threshold)) if aim.threshold > 0 else 0.0
     cap = float(mu2_of(aim.keep)) if aim.keep < 1 else np.inf
-    sweeps = _sweep(tuple(state), tuple(patches), tuple(tree), runs, starts, aim.power // 2, threshold, cap, aim.sweeps)
+    powers = aim.power // 2, threshold, cap, aim.crests
+    sweeps = _sweep(tuple(state), tuple(patches), tuple(tree), runs, starts, *powers, aim.sweeps)
     q = q_of(state.mu2)
     logger.info("vertices with q > %g, p = %d: %d sweeps, q mean %.4f, max %.4f", *aim[:2], sweeps, q.mean(), q.max())
     return PassReport(aim.threshold, aim.power, sweeps, float(q.mean()), float(q.max()))

@@ -17,7 +17,7 @@ from cortet.meshers._sizes import require_sizes
 from cortet.meshers.mesher import Attempt, Facts, Refinement
 from cortet.meshes import FloatArray, TetMesh, TriSurface
 
-VERSION: int = 16
+VERSION: int = 17
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def generate(
         `settings`
     mesher : a key of `meshers.MESHERS`; those of other projects take the cell size and nothing else; None: the first of
         `settings`
-    elements_across : least number of tetrahedra between `surface` and those inside it; edges become shorter for this,
+    elements_across : number of tetrahedra between `surface` and those inside it; edges become shorter for this,
         down to `meshers._remesh.SHORTEST` of their length elsewhere
     time_limit : minutes that a mesher of another project may take; None for no limit
     contacts : location and radius, mm, of contacts of electrodes: where the mesher takes sizes, cells around each

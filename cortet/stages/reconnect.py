@@ -2,8 +2,9 @@
 
 After cleaning, the worst tetrahedra lie at interior edges of three tetrahedra (where q >= 0.300, wherever the vertices
 go), at boundary edges of one, and between the two sides of a blade, with all their vertices on the boundary. Swaps
-remove the first kind and some of the second; new vertices inside mend the others. The vertices around them move again
-after each round. Connectivity changes, which never happens in the published chain; hence a separate stage.
+remove the first kind and some of the second; new vertices inside mend the others, and vertices of the boundary that are
+in the way are removed. The vertices around them move again after each round. Connectivity changes, which never happens
+in the published chain; hence a separate stage.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from cortet.meshes import TetMesh, TriSurface
 from cortet.optimise.reconnection import reconnected
 from cortet.optimise.soundness import require_sound
 
-VERSION: int = 17
+VERSION: int = 18
 
 
 @dataclass(frozen=True)
@@ -52,9 +53,9 @@ def reconnect(
     """Swap edges and faces around tetrahedra with q above the threshold, and move the vertices there.
 
     Every swap improves the worst quality of the tetrahedra it replaces. All volumes stay positive, vertices are added
-    or lost only inside and only with `insert`, and the boundary keeps its topology. Values per tetrahedron follow;
-    integer values are labels of regions, which no swap joins. An interface of regions stays as it is; but one that lies
-    on an inner surface is treated like the boundary: its vertices slide, its edges may be flipped.
+    or lost only with `insert`, and the boundary keeps its topology. Values per tetrahedron follow; integer values are
+    labels of regions, which no swap joins. An interface of regions stays as it is; but one that lies on an inner
+    surface is treated like the boundary: its vertices slide, its edges may be flipped.
 
     Parameters
     ----------

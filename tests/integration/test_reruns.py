@@ -71,10 +71,10 @@ def test_a_report_leaves_out_certificates_that_it_cannot_believe(study):
     assert study.status()["sub-b_hemi-L"]["state"] == "unfinished" and "sub-b" not in table.read_text()
 
 
-@pytest.mark.parametrize("edited", ["certificate", "certificate of another", "mesh", "both of another"])
+@pytest.mark.parametrize("edited", ["certificate", "certificate of another", "mesh", "older mesh", "both of another"])
 def test_an_edited_certificate_or_mesh_costs_no_finished_work(study, edited):
     """The next run refused it, after Snakemake had deleted the files for solvers; or exported another case's mesh."""
-    end = "Ordered_tetmesh.vtu" if edited == "mesh" else "Solver_certificate.json"
+    end = "Ordered_tetmesh.vtu" if edited.endswith("mesh") else "Solver_certificate.json"
     (file,), (other,), (export,) = map(study.files, (f"sub-a*{end}", f"sub-b*{end}", "sub-a*Solver_sets.vtu"))
     if edited == "certificate":
         content = json.loads(file.read_text())
@@ -82,6 +82,8 @@ def test_an_edited_certificate_or_mesh_costs_no_finished_work(study, edited):
         file.write_text(json.dumps(content))
     else:
         shutil.copy(other, file)
+    if edited == "older mesh":
+        os.utime(file, (1e9, 1e9))
     before = sha256(export)
     if edited == "both of another":
         shutil.copy(*(study.files(f"sub-{name}*Ordered_tetmesh.vtu")[0] for name in "ba"))
@@ -138,7 +140,9 @@ def test_the_table_sees_what_no_job_has_remade(study):
     recorded = json.loads(run.read_text())
     recorded["config"]["reconnect"] = {"enabled": False}
     run.write_text(json.dumps(recorded))
+    pages = {page: page.read_bytes() for page in study.files("*_report.html")}
     assert state() == "unfinished" and "solver_ready" in study.status()["sub-a_hemi-L"]["reason"]
+    assert pages and {page: page.read_bytes() for page in pages} == pages, "of the meshes that are there"
 
 
 def test_a_new_row_runs_one_case_and_the_tables(study):
@@ -201,6 +205,7 @@ def test_from_another_working_folder_results_are_trusted_and_the_table_marks_tho
     assert done.returncode == 0 and "2 cases: 2 unfinished" in done.stdout
     for row in study.status().values():
         assert (row["state"], row["stage"]) == ("unfinished", "clean") and "--forcerun clean" in row["reason"]
+        assert row["reason"].endswith("/mesh"), "the earlier results are named"
     assert elsewhere.run("--forcerun", "clean", "--", f"../{STATUS}").returncode == 0
     assert {row["state"] for row in study.status().values()} == {"certified"}
 

@@ -81,8 +81,19 @@ def test_blades_too_thin_for_the_lattice_get_nodes_half_way_between_their_banks(
     middle = np.stack(np.meshgrid(*2 * [np.linspace(-3, 3, 20)]), axis=-1).reshape(-1, 2)
     assert KDTree(nodes[:, :2]).query(middle)[0].max() < 1.5, "everywhere"
     assert np.abs(nodes[:, :2]).max() < 6, "but not beside the rim, which is thinner"
-    layer = graded_nodes(slab, np.full(len(slab.points), 1.0), edge_length=1.0, cell_size=0.8, halve=False)
-    assert len(layer) < len(nodes) / 2
+
+
+@pytest.mark.parametrize(("thickness", "has_nodes"), [(0.9, False), (1.6, True)])
+def test_a_layer_gets_nodes_half_way_where_two_tetrahedra_fit(thickness, has_nodes):
+    grid = trimesh.creation.box(extents=[16, 16, 16]).subdivide().subdivide().subdivide().subdivide()
+    slab = TriSurface(grid.vertices * [1, 1, thickness / 16], grid.faces)
+    size = np.full(len(slab.points), 1.0)
+    nodes = graded_nodes(slab, size, edge_length=1.0, cell_size=0.8, layer=True)
+    half_way = nodes[(np.abs(nodes[:, :2]).max(axis=1) < 3) & (np.abs(nodes[:, 2]) < 1e-6)]
+    assert (len(half_way) > 25) == has_nodes
+    if has_nodes:
+        apart = KDTree(half_way).query(half_way, k=2)[0][:, 1]
+        assert apart.min() >= 0.7 and apart.max() < 1.3, "one node for each vertex of a side"
 
 
 def test_a_core_that_is_hardly_coarser_leaves_no_hole():

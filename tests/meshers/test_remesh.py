@@ -146,3 +146,10 @@ def test_a_dense_surface_gives_the_mesh_of_a_coarser_one_of_its_shape_with_its_b
 def test_edges_on_both_sides_of_a_layer_follow_its_thickness_where_another_layer_is_near():
     for want in wanted(nested(torus(2.2, 1.5), {"white": torus(2.2, 1.0)}), 1.0, 0.3):
         assert want.size.max() < 0.65, "the layer is 0.5 thick around the hole, too"
+
+
+def test_a_layer_too_thin_for_two_tetrahedra_gets_edges_for_one_and_no_length_between():
+    thin = nested(torus(2.2, 1.5), {"white": torus(2.2, 1.0)})
+    for edge_length, across, fits in ((1.0, 2, 1), (1.0, 1, 1), (0.8, 2, 2), (0.8, 3, 2)):
+        for want in wanted(thin, edge_length, 0.3, across=across):
+            assert want.size.max() == pytest.approx(1.25 * 0.5 / fits, rel=0.05), (edge_length, across)

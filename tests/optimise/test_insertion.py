@@ -8,7 +8,7 @@ from shapes import ball_mesh
 
 from cortet.geometry import topology
 from cortet.measure.quality import quality, signed_volumes
-from cortet.meshes import TetMesh, TriSurface
+from cortet.meshes import TetMesh
 from cortet.optimise.insertion import insert_vertices
 from cortet.optimise.star import MU2, empty_star, find_mu2, mu2_of, set_column
 
@@ -72,34 +72,3 @@ def test_the_boundary_and_the_volume_stay():
     before, after = topology.boundary_faces(mesh), topology.boundary_faces(made)
     assert {tuple(sorted(face)) for face in before.tolist()} == {tuple(sorted(face)) for face in like[after].tolist()}
     assert quality(points, cells).max() <= quality(mesh.points, mesh.cells).max()
-
-
-#: two tetrahedra beside each other under a crest from 0 to 1, which is long
-CREST = np.array([[0, -1.0, 0], [0, 1.0, 0], [0.6, 0, -0.5], [-0.6, 0, -0.5], [0, 0, -0.9]])
-UNDER = np.array([[0, 1, 2, 4], [0, 1, 4, 3]], np.int32)
-
-
-def halved(mesh: TetMesh, height: float, held=None) -> tuple[TetMesh, int]:
-    """The crest lies `height` below the surface that new vertices are put on, a plane."""
-    plane = TriSurface([[-9, -9, height], [9, -9, height], [0, 9, height]], [[0, 1, 2]])
-    mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
-    region = np.zeros(len(mesh.cells), np.int32)
-    return insert_vertices(mesh, mu2, region, float(mu2_of(0.2)), surface=plane, held=held)
-
-
-def test_a_boundary_edge_is_halved_by_a_vertex_on_the_surface():
-    mesh = TetMesh(CREST, UNDER)
-    made, count = halved(mesh, 0.05)
-    assert count == 1 and made.points[5] == pytest.approx([0, 0, 0.05])
-    assert (signed_volumes(made.points, made.cells) > 0).all()
-    assert quality(made.points, made.cells).max() < quality(CREST, UNDER).max()
-    assert topology.surface_topology(topology.boundary_faces(made)).is_closed_manifold
-    enclosed = topology.enclosed_volume(made.points, topology.boundary_faces(made))
-    assert enclosed == pytest.approx(signed_volumes(made.points, made.cells).sum())
-    assert enclosed > signed_volumes(CREST, UNDER).sum(), "the surface is above the old crest"
-
-
-def test_no_boundary_edge_is_halved_far_from_the_surface_or_where_its_ends_are_held():
-    mesh = TetMesh(CREST, UNDER)
-    assert halved(mesh, 0.8)[1] == 0
-    assert halved(mesh, 0.05, held=np.arange(5) < 2)[1] == 0

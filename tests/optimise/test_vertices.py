@@ -117,3 +117,17 @@ def test_the_same_bits_for_any_number_of_threads(boundary):
         numba.set_num_threads(threads)
         results.append(move_vertices(mesh, tree, PASSES, boundary=boundary)[0].points)
     assert np.array_equal(*results) and not np.array_equal(results[0], mesh.points)
+
+
+def test_a_vertex_on_a_sharp_crest_moves_along_it():
+    crest = np.array([[-1, 0, -0.5], [1, 0, -0.5], [0, 0, 0], [0, 0.5, -1], [0, -0.5, -1.0]])
+    tree = surface_tree(crest, np.array([[0, 2, 3], [2, 1, 3], [2, 0, 4], [1, 2, 4]], np.int32))
+    start = np.concatenate([[0.3 * crest[2] + 0.7 * crest[1]], crest[[0, 1, 3, 4]]])
+    mesh = TetMesh(start, np.array([[0, 2, 4, 3], [1, 0, 4, 3]], np.int32))
+    assert (signed_volumes(mesh.points, mesh.cells) > 0).all()
+    worst = []
+    for crests in (False, True):
+        made, _ = move_vertices(mesh, tree, [Pass(0, 8, 20, crests=crests)], boundary="slide", held=[1, 2, 3, 4])
+        worst.append(quality(made.points, made.cells).max())
+    assert worst[1] < 0.1 < 0.3 < worst[0], "a face of the other bank looks away from the surface below the vertex"
+    assert closest_points(tree, made.points).distances.max() < 1e-12

@@ -1,0 +1,65 @@
+"""Boundary vertices that are in the way are joined to a neighbour on the boundary."""
+
+import numpy as np
+import pytest
+from scipy.spatial import Delaunay
+
+from cortet.geometry import topology
+from cortet.geometry.closest_point import forest
+from cortet.measure.quality import quality, signed_volumes
+from cortet.meshes import REGION, TetMesh, TriSurface
+from cortet.optimise.insertion import insert_vertices
+from cortet.optimise.star import mu2_of
+
+#: vertex 0 has four triangles in a plane, all of which see vertex 1 below; vertex 6 is above
+PEG = np.array([[0.6, 0, 0], [0, 0, -0.7], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 0.7]])
+BELOW = np.array([[0, 2, 1, 3], [0, 3, 1, 4], [0, 4, 1, 5], [0, 5, 1, 2]], np.int32)
+ABOVE = np.array([[0, 2, 3, 6], [0, 3, 4, 6], [0, 4, 5, 6], [0, 5, 2, 6]], np.int32)
+
+
+def plane(height: float, **inner: TriSurface) -> TriSurface:
+    return TriSurface([[-9, -9, height], [9, -9, height], [0, 9, height]], [[0, 1, 2]], inner=inner)
+
+
+def removed(mesh: TetMesh, surface: TriSurface, held=None) -> TetMesh:
+    mu2 = np.asarray(mu2_of(quality(mesh.points, mesh.cells)))
+    region = mesh.cell_data.get(REGION, np.ones(len(mesh.cells), np.int32))
+    made, _ = insert_vertices(mesh, mu2, region, float(mu2_of(0.5)), tree=forest(surface), held=held)
+    assert (signed_volumes(made.points, made.cells) > 0).all()
+    fresh = TetMesh(made.points, made.cells.copy())
+    assert np.array_equal(topology.neighbours(made), topology.neighbours(fresh)), "neighbours kept up to date"
+    return made
+
+
+def has_peg(mesh: TetMesh) -> bool:
+    return bool((mesh.points == PEG[0]).all(axis=1).any())
+
+
+def test_a_vertex_whose_triangles_all_see_one_vertex_is_removed():
+    mesh = TetMesh(PEG[:6], BELOW)
+    made = removed(mesh, plane(0.0))
+    assert not has_peg(made) and quality(made.points, made.cells).max() < 0.5 < quality(mesh.points, mesh.cells).max()
+    assert topology.surface_topology(topology.boundary_faces(made)).is_closed_manifold
+    assert signed_volumes(made.points, made.cells).sum() == pytest.approx(signed_volumes(PEG, BELOW).sum())
+
+
+def test_a_vertex_of_an_inner_surface_is_removed_from_both_regions():
+    outward = np.random.default_rng(0).normal(size=(40, 3))
+    points = np.concatenate([PEG, 2 * outward / np.linalg.norm(outward, axis=1, keepdims=True)])
+    around = Delaunay(points[1:]).simplices + 1
+    cells = np.concatenate([BELOW, ABOVE, around[(around > 6).any(axis=1)]]).astype(np.int32)
+    turned = signed_volumes(points, cells) < 0
+    cells[turned] = cells[turned][:, [0, 1, 3, 2]]
+    mesh = TetMesh(points, cells, cell_data={REGION: np.where(np.arange(len(cells)) < len(BELOW), 2, 1)})
+    made = removed(mesh, plane(4.0, white=plane(0.0)))
+    assert not has_peg(made)
+    for number in (0, 1):
+        assert topology.surface_topology(topology.sheet(made, number)[0].faces).is_closed_manifold
+    assert has_peg(removed(mesh, plane(4.0, white=plane(0.5)))), "the new edge would be far from the surface"
+
+
+def test_a_vertex_stays_where_the_boundary_would_leave_the_surface_or_is_held():
+    mesh = TetMesh(PEG[:6], BELOW)
+    assert has_peg(removed(mesh, plane(0.5)))
+    assert has_peg(removed(mesh, plane(0.0), held=np.arange(6) == 0))
+    assert has_peg(removed(mesh, plane(0.0), held=np.arange(6) > 1))
