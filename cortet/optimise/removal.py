@@ -16,6 +16,8 @@ from cortet.optimise.cavities import MAX_STAR, corner_of, mu2_at, star_of, unit_
 #: new faces are within acos(this) of those they replace; the middle of a new edge is within this share of its length of
 #: the surface
 _MIN_FACE_COSINE, _MAX_SAG = 0.7, 0.1
+#: most boundary faces at a vertex: three of each tetrahedron, if all have other labels
+_MAX_FAN = 3 * MAX_STAR
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -24,7 +26,7 @@ def remove_vertex(mesh, tree, e, changed, most):  # type: ignore[no-untyped-def]
 
     Returns whether one was joined, and then sets `changed` for the vertices around.
     """
-    star, fan = np.empty(MAX_STAR, np.int32), np.empty((MAX_STAR, 2), np.int32)
+    star, fan = np.empty(MAX_STAR, np.int32), np.empty((_MAX_FAN, 2), np.int32)
     gone = kept = -1
     for v in mesh.cells[e]:
         size = star_of(mesh, e, v, star)
@@ -44,19 +46,24 @@ def remove_vertex(mesh, tree, e, changed, most):  # type: ignore[no-untyped-def]
 
 @numba.njit(cache=True, error_model="numpy")
 def _fan(mesh, star, v, fan):  # type: ignore[no-untyped-def]
-    """Write the other two corners of each boundary face at v, outward; return their number, 0 if v must stay."""
-    count, outer = 0, 0
+    """Write the other two corners of each boundary face at v, outward; return their number, 0 if v must stay.
+
+    It stays where surfaces meet, as those of labels with an inner surface: their faces are between other regions.
+    """
+    count, inner, outer, meet = 0, -1, -1, False
     for f in star:
         for k in range(4):
             g = mesh.neighbours[f, k]
-            if mesh.cells[f, k] != v and (g < 0 or mesh.region[f] < mesh.region[g]):
+            behind = mesh.region[g] if g >= 0 else -1
+            if mesh.cells[f, k] != v and (g < 0 or mesh.region[f] < behind):
                 for j in range(3):
                     if mesh.cells[f, TET_FACES[k, j]] == v:
                         fan[count, 0] = mesh.cells[f, TET_FACES[k, (j + 1) % 3]]
                         fan[count, 1] = mesh.cells[f, TET_FACES[k, (j + 2) % 3]]
+                meet |= count > 0 and (mesh.region[f] != inner or behind != outer)
+                inner, outer = mesh.region[f], behind
                 count += 1
-                outer += g < 0
-    stays = mesh.held[v] or 0 < outer < count or (outer == 0 and mesh.on_triangle[v] < 0)
+    stays = mesh.held[v] or meet or (outer >= 0 and mesh.on_triangle[v] < 0)
     return 0 if stays else count
 
 
@@ -101,7 +108,7 @@ def _is_sound(mesh, tree, star, fan, v, a):  # type: ignore[no-untyped-def]
                 walls += g < 0 or mesh.region[g] != mesh.region[f]
             if walls == 2:
                 return False
-    around, beside = np.empty(MAX_STAR, np.int32), np.empty((MAX_STAR, 2), np.int32)
+    around, beside = np.empty(MAX_STAR, np.int32), np.empty((_MAX_FAN, 2), np.int32)
     around = around[: star_of(mesh, first, a, around)]
     for g in around:
         for x in mesh.cells[g]:  # no edge from a to x may be there already, unless it is in a tetrahedron with both

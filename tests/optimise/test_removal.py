@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.spatial import Delaunay
+from scipy.spatial import ConvexHull, Delaunay
 
 from cortet.geometry import topology
 from cortet.geometry.closest_point import forest
@@ -31,6 +31,11 @@ def removed(mesh: TetMesh, surface: TriSurface, held=None) -> TetMesh:
     return made
 
 
+def positive(points: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    turned = signed_volumes(points, cells) < 0
+    return np.where(turned[:, None], cells[:, [0, 1, 3, 2]], cells)
+
+
 def has_peg(mesh: TetMesh) -> bool:
     return bool((mesh.points == PEG[0]).all(axis=1).any())
 
@@ -48,8 +53,7 @@ def test_a_vertex_of_an_inner_surface_is_removed_from_both_regions():
     points = np.concatenate([PEG, 2 * outward / np.linalg.norm(outward, axis=1, keepdims=True)])
     around = Delaunay(points[1:]).simplices + 1
     cells = np.concatenate([BELOW, ABOVE, around[(around > 6).any(axis=1)]]).astype(np.int32)
-    turned = signed_volumes(points, cells) < 0
-    cells[turned] = cells[turned][:, [0, 1, 3, 2]]
+    cells = positive(points, cells)
     mesh = TetMesh(points, cells, cell_data={REGION: np.where(np.arange(len(cells)) < len(BELOW), 2, 1)})
     made = removed(mesh, plane(4.0, white=plane(0.0)))
     assert not has_peg(made)
@@ -63,3 +67,40 @@ def test_a_vertex_stays_where_the_boundary_would_leave_the_surface_or_is_held():
     assert has_peg(removed(mesh, plane(0.5)))
     assert has_peg(removed(mesh, plane(0.0), held=np.arange(6) == 0))
     assert has_peg(removed(mesh, plane(0.0), held=np.arange(6) > 1))
+
+
+def shell(random, radius: float, count: int, squeezed: float) -> np.ndarray:
+    outward = random.normal(size=(count, 3))
+    return radius * outward / np.linalg.norm(outward, axis=1, keepdims=True) * [1, 1, squeezed]
+
+
+def test_an_inner_surface_that_a_label_meets_stays_a_manifold():
+    random = np.random.default_rng(110)  # there, a join along an edge of the label pinched the surface
+    squeezed = random.choice([1, 0.3])
+    outer = shell(random, 10, int(random.integers(40, 250)), squeezed)
+    inner = shell(random, random.uniform(6, 9.5), int(random.integers(30, 200)), squeezed)
+    points = np.concatenate([outer, inner, shell(random, 3, int(random.integers(0, 30)), squeezed)])
+    cells = positive(points, Delaunay(points).simplices.astype(np.int32))
+    region = np.where((cells >= len(outer)).all(axis=1), 2, 1).astype(np.int32)
+    mesh = TetMesh(points, cells, cell_data={REGION: region})
+    label = np.where((region == 2) & (points[cells].mean(axis=1)[:, 0] > 0), 3, region).astype(np.int32)
+    whole, white = topology.boundary_surface(mesh)[0], topology.sheet(mesh, 1)[0]
+    surface = TriSurface(whole.points, whole.faces, inner={"white": white})
+    mu2 = np.asarray(mu2_of(quality(points, cells)))
+    threshold = float(mu2_of(random.choice([0.2, 0.4, 0.6])))
+    gain = float(random.choice([0.995, 1.25, 1.6]))
+    made, _ = insert_vertices(mesh, mu2, label, threshold, gain=gain, tree=forest(surface))
+    assert not np.isin(points, made.points).all(), "vertices are removed"
+    assert topology.surface_topology(topology.sheet(made, 1)[0].faces).is_closed_manifold
+
+
+def test_a_vertex_of_five_hundred_tetrahedra_that_all_have_their_own_label_stays():
+    points = np.concatenate([shell(np.random.default_rng(0), 10, 255, 1), np.zeros((1, 3))])
+    faces = ConvexHull(points).simplices.astype(np.int32)
+    cells = positive(points, np.column_stack([faces, np.full(len(faces), 255, np.int32)]))
+    mesh = TetMesh(points, cells)
+    mu2 = np.asarray(mu2_of(quality(points, cells)))
+    tree = forest(TriSurface(points[:255], topology.boundary_faces(mesh)))
+    label = np.arange(len(cells), dtype=np.int32)
+    made, _ = insert_vertices(mesh, mu2, label, float(mu2_of(0.2)), tree=tree)
+    assert np.array_equal(made.points, points)
