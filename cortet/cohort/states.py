@@ -231,7 +231,8 @@ def _first_other_rule(jobs: Jobs, job: Wildcards) -> str:
 def _is_replaced(plan: Plan, mesh: Mesh, content: Mapping[str, Any]) -> bool:
     """Whether a mesh is not the one that its certificate is about.
 
-    A mesh that is older than the certificate is told by its numbers of nodes and tetrahedra; only a newer one is read.
+    A mesh that is older than the certificate is told by its numbers of nodes and tetrahedra and its end; only a newer
+    one is read.
 
     Parameters
     ----------
@@ -239,7 +240,7 @@ def _is_replaced(plan: Plan, mesh: Mesh, content: Mapping[str, Any]) -> bool:
     """
     last, certificate = Path(plan.file(plan.layout.mesh(LABELS["solver_ready"]), mesh)), plan.certificate(mesh)
     if not last.is_file():
-        return False
+        return last.exists()
     from cortet.formats import vtu  # loads what most runs do without
     from cortet.formats.hashing import mesh_sha256
 

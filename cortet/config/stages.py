@@ -238,7 +238,8 @@ class Reconnect(Section):
     boundary: Boundary = "slide"
     """Movement of boundary nodes, as in clean. fixed also keeps every boundary edge."""
     insert: bool = True
-    """true also inserts interior nodes where no swap helps, for example between the two sides of a thin gyrus."""
+    """true also inserts interior nodes where no swap helps, for example between the two sides of a thin gyrus. With
+    boundary: slide, it also removes boundary nodes that are in the way."""
 
 
 class SmoothBoundary(Section):

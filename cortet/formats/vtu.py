@@ -9,6 +9,7 @@ Files are written in VTK's default form: raw data behind the XML
 
 from __future__ import annotations
 
+import os
 import re
 import zlib
 from pathlib import Path
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 from cortet.formats.atomic import atomic_path
 from cortet.formats.set_arrays import names_of, with_sets, without_sets
-from cortet.formats.untrusted import by_library, content
+from cortet.formats.untrusted import by_library, content, unreadable
 from cortet.meshes import TetMesh
 
 #: bytes that are compressed at a time
@@ -40,6 +41,8 @@ _HEAD = (
     'header_type="UInt32" compressor="vtkZLibDataCompressor">\n<UnstructuredGrid>\n'
 )
 _DATA = '</UnstructuredGrid>\n<AppendedData encoding="raw">\n_'
+#: how they end
+_END = b"\n</AppendedData>\n</VTKFile>\n"
 
 
 def read(path: str | Path) -> TetMesh:
@@ -60,10 +63,19 @@ def read(path: str | Path) -> TetMesh:
 
 
 def counts(path: str | Path) -> tuple[int, int] | None:
-    """Numbers of nodes and tetrahedra of a file of cortet, by its first bytes; None for another file."""
-    with Path(path).open("rb") as file:
-        found = re.search(rb'NumberOfPoints="(\d+)" NumberOfCells="(\d+)"', file.read(_BEGIN))
-    return (int(found[1]), int(found[2])) if found else None
+    """Numbers of nodes and tetrahedra of a file of cortet, by its first bytes; None for another file or half of one.
+
+    Raises InputError if it cannot be read.
+    """
+    try:
+        with Path(path).open("rb") as file:
+            begin = file.read(_BEGIN)
+            file.seek(max(file.seek(0, os.SEEK_END) - len(_END), 0))
+            is_whole = file.read() == _END
+    except OSError as error:
+        raise unreadable(path, error) from error
+    found = re.search(rb'NumberOfPoints="(\d+)" NumberOfCells="(\d+)"', begin)
+    return (int(found[1]), int(found[2])) if found and is_whole else None
 
 
 def _values(array: ElementTree.Element, data: bytes) -> NDArray[Any]:
@@ -118,7 +130,7 @@ def write(mesh: TetMesh, path: str | Path) -> None:
         )
         for data in stored:
             file.write(data)
-        file.write(b"\n</AppendedData>\n</VTKFile>\n")
+        file.write(_END)
 
 
 def _stored(values: NDArray[Any]) -> bytes:

@@ -16,6 +16,7 @@ import pyvista
 from cubes import cube_mesh
 from exported import full_mesh
 from read_back import READERS, by_gmsh, by_meshio, model
+from shapes import ball_mesh
 
 from cortet.errors import InputError
 from cortet.formats import FORMATS, braingrowth, carp, fenics, format_of, msh, read_mesh, vtu
@@ -281,3 +282,17 @@ def test_every_array_of_a_vtu_file_comes_back_bit_for_bit(tmp_path):
         assert before.keys() == after.keys()
         for name, values in before.items():
             assert after[name].dtype == values.dtype and np.array_equal(after[name], values), name
+
+
+def test_half_a_mesh_and_one_of_another_program_have_no_counts(tmp_path):
+    """A mesh that was cut short with its old date stayed certified in the table; a folder ended the run."""
+    file = tmp_path / "mesh.vtu"
+    vtu.write(ball_mesh(1), file)
+    mesh = vtu.read(file)
+    assert vtu.counts(file) == (len(mesh.points), len(mesh.cells))
+    file.write_bytes(file.read_bytes()[:-40])
+    assert vtu.counts(file) is None
+    file.write_bytes(b"")
+    assert vtu.counts(file) is None
+    with pytest.raises(InputError, match="cannot be read"):
+        vtu.counts(tmp_path)
