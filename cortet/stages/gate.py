@@ -21,7 +21,7 @@ from cortet.measure.quality import signed_volumes
 from cortet.measure.usual_size import UNUSUAL_TIMES, unusual_volume
 from cortet.meshes import FloatArray, IntArray, TetMesh, TriSurface, single_precision
 
-VERSION: int = 3
+VERSION: int = 4
 
 #: longest side of the bounding box, mm: from a small monkey's hemisphere to an adult human brain in its shell
 EXTENT_MM = (15.0, 220.0)
