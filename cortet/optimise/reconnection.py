@@ -71,7 +71,7 @@ class Reconnected(NamedTuple):
     """The result of a reconnection."""
 
     mesh: TetMesh
-    #: vertices inserted before and after the rounds
+    #: vertices inserted before and after the rounds, less those of the boundary that were removed
     inserted: int
     #: sums over all rounds
     swaps: SwapCount

@@ -37,7 +37,7 @@ class ReconnectReport:
     face_removals: int
     boundary_flips: int
     peeled: int
-    #: vertices inserted, before and after the rest
+    #: vertices inserted, before and after the rest, less those of the boundary that were removed
     inserted: int
     #: vertices held in place because moving them, or flipping their boundary edges, made the boundary cross itself
     vertices_held: int
