@@ -1,8 +1,9 @@
 """A body-centred cubic lattice inside, joined to given boundary triangles by a constrained Delaunay tetrahedralisation.
 
 The tetrahedra of the lattice have q = 0.0705, nearly the best that fills space. Between it and the boundary, Delaunay
-tetrahedralisation leaves slivers, which reconnection removes. TetGen keeps every boundary triangle, so the boundary
-keeps the topology of the given triangles.
+tetrahedralisation leaves slivers, which reconnection removes. Deep inside, it would only find the lattice again, so
+TetGen fills the shell around that part. It keeps every boundary triangle, so the boundary keeps the topology of the
+given triangles.
 
 References: Labelle and Shewchuk, Isosurface stuffing, SIGGRAPH 2007 (the lattice); Si, TetGen, ACM TOMS 41, 2015.
 """
@@ -17,7 +18,7 @@ from scipy.spatial import KDTree
 
 from cortet.geometry.closest_point import closer_than, closest_points, tree_of
 from cortet.geometry.thickness import thickness
-from cortet.geometry.topology import edges, enclosed_volume, vertex_normals
+from cortet.geometry.topology import TET_FACES, edges, enclosed_volume, linked, numbers, packed, vertex_normals
 from cortet.meshers._remesh import GROWTH
 from cortet.meshes import FloatArray, IntArray, TriSurface
 
@@ -44,6 +45,16 @@ MEDIAL_APART, MEDIAL_CLEAR = 0.95, 0.75
 LAYER_THINNEST, LAYER_THICKEST, LAYER_APART = 1.1, 2.0, 0.7
 #: a node half-way keeps this share of the thickness from both banks
 _HALF_WAY = 0.45
+#: tetrahedra around a node of the lattice; diameter of their circumspheres over the side of the cubes
+_AROUND, _CLEAR = 24, 5**0.5 / 2
+#: those at the edges from a node along x, y and z, in halves of a cube: (12, 4, 3)
+_CELLS = np.array(
+    [
+        np.roll([[0, 0, 0], [2, 0, 0], [1, b, c], [1, -c, b]], axis, axis=1)
+        for axis in range(3)
+        for b, c in ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    ]
+)
 #: offset of the lattice's origin in a cube; any that puts no node on a round coordinate will do
 _ORIGIN = np.array([0.123, 0.347, 0.211])
 
@@ -100,7 +111,7 @@ def graded_nodes(
                 near = (reach > 0) & (np.arange(len(sizes)) < len(size))
             nodes = _near_inside(boundary, CONSTANT * spacing, centres[near], reach[near])
         nodes = nodes[~closer_than(tree, nodes, GAP * spacing)]
-        kept = np.concatenate([kept, _apart(nodes, kept, APART * cell_size * (ratio + before) / 2)])
+        kept = np.concatenate([kept, nodes[_is_apart(nodes, kept, APART * cell_size * (ratio + before) / 2)]])
         before = ratio
     medial, own = _medial_nodes(boundary, size, layer)
     if not len(medial):
@@ -154,12 +165,11 @@ def _ratios(finest: float, coarsest: float) -> list[float]:
     return [*(_STEP**-step for step in range(finer, 0, -1)), 1.0, *core]
 
 
-def _apart(nodes: FloatArray, others: FloatArray, distance: float) -> FloatArray:
-    """The `nodes` farther than `distance` mm from all `others`."""
+def _is_apart(nodes: FloatArray, others: FloatArray, distance: float) -> NDArray[np.bool_]:
+    """Whether each of the `nodes` (n, 3) is farther than `distance` mm from all `others`."""
     if not len(others):
-        return nodes
-    found, _ = KDTree(others).query(nodes, distance_upper_bound=distance)
-    return nodes[np.isinf(found)]
+        return np.ones(len(nodes), np.bool_)
+    return np.isinf(KDTree(others).query(nodes, distance_upper_bound=distance)[0])
 
 
 def _near_inside(surface: TriSurface, constant: float, centres: FloatArray, radius: FloatArray) -> FloatArray:
@@ -211,21 +221,60 @@ def _is_inside(surface: TriSurface, origin: FloatArray, spacing: float, cells: N
     return odd[: len(cells)]
 
 
-def tetrahedralised(boundary: TriSurface, nodes: FloatArray) -> tuple[FloatArray, IntArray]:
+def lattice_cells(boundary: TriSurface, nodes: FloatArray, constant: float) -> IntArray:
+    """Tetrahedra of the lattice of the last node that a Delaunay tetrahedralisation is sure to have: (k, 4) int32.
+
+    They are those around the nodes (n, 3) that have all their neighbours in the lattice, and nothing else of the
+    boundary or of the other nodes within the circumspheres.
+    """
+    steps = np.rint(2 * (nodes - nodes[-1:]) / constant).astype(np.int64)
+    off = np.abs(nodes - nodes[-1:] - steps * constant / 2).max(axis=1) > 1e-6 * constant
+    off |= (steps % 2 != steps[:, :1] % 2).any(axis=1)
+    alone = ~off & ~closer_than(tree_of(boundary), nodes, _CLEAR * constant)
+    alone[alone] = _is_apart(nodes[alone], nodes[off], _CLEAR * constant)
+    steps -= steps.min(axis=0, initial=0) - 1
+    size = steps.max(axis=0, initial=0) + 3
+    strides = np.array([size[1] * size[2], size[2], 1])
+    at = steps @ strides
+    number = np.full(size.prod(), -1, np.int32)
+    number[at[~off]] = np.flatnonzero(~off)
+    cells = number[at[~off & (steps[:, 0] % 2 == 1), None, None] + _CELLS @ strides].reshape(-1, 4)
+    cells = cells[cells.min(axis=1) >= 0]
+    alone &= np.bincount(cells.ravel(), minlength=len(nodes)) == _AROUND
+    return cells[alone[cells].any(axis=1)]
+
+
+def tetrahedralised(boundary: TriSurface, nodes: FloatArray, known: IntArray) -> tuple[FloatArray, IntArray]:
     """Tetrahedra of the boundary's vertices and the `nodes` (n, 3) inside; they keep the boundary's triangles.
 
     Parameters
     ----------
     boundary : closed; no two triangles cross or touch, or TetGen ends the process
+    known : (k, 4) `nodes` of tetrahedra that it is sure to have, as `lattice_cells` finds them: TetGen fills the rest
 
     Returns
     -------
     points (k, 3) float64, the boundary's vertices first; cells (m, 4) int32, of either orientation
     """
-    filled = tetgen.TetGen(np.concatenate([boundary.points, nodes]), boundary.faces.copy())
+    first, enclosed = len(boundary.points), np.bincount(known.ravel(), minlength=len(nodes)) == _AROUND
+    shell, within = np.flatnonzero(~enclosed), enclosed[known]
+    cell, corner = np.nonzero(within & (within.sum(axis=1, keepdims=True) == 1))
+    faces = known[cell[:, None], TET_FACES[corner]]
+    _, once, count = np.unique(packed(faces), return_index=True, return_counts=True)
+    hole = first + numbers(shell, len(nodes))[faces[once[count == 1]]]
+    points = np.concatenate([boundary.points, nodes[shell]])
+    filled = tetgen.TetGen(points, np.concatenate([boundary.faces, hole]))
+    one, other = known[within[:, 0] & within[:, 2]][:, [0, 2]].T
+    part = linked(one, other, len(nodes))
+    for inside in np.unique(part[enclosed], return_index=True)[1]:
+        filled.add_hole(nodes[enclosed][inside])
     # unless it is to write no faces, TetGen leaves files in the working folder if triangles cross
-    points, cells, *_ = filled.tetrahedralize(plc=True, quality=False, nobisect=True, quiet=True, nofacewritten=True)
-    return points, cells
+    made, cells, *_ = filled.tetrahedralize(
+        plc=True, quality=False, nobisect=True, nomergefacet=True, quiet=True, nofacewritten=True
+    )
+    number = np.concatenate([np.arange(first), first + shell, first + len(nodes) + np.arange(len(made) - len(points))])
+    cells = np.concatenate([number[cells], first + known]).astype(np.int32)
+    return np.concatenate([boundary.points, nodes, made[len(points) :]]), cells
 
 
 def _inside(surface: TriSurface, constant: float) -> FloatArray:

@@ -100,14 +100,17 @@ def _meshed(
     from cortet.geometry.nesting import joined
     from cortet.measure.quality import quality
     from cortet.meshers._filled import checked, well_ordered
-    from cortet.meshers._lattice import tetrahedralised
+    from cortet.meshers._lattice import CONSTANT, lattice_cells, tetrahedralised
     from cortet.meshers._nested import regions_of
     from cortet.optimise.reconnection import reconnected
     from cortet.optimise.soundness import require_sound
 
     walls = [one.surface for one in made]
-    nodes = np.concatenate([_nodes(made, bounds, edge, settings, facts) for bounds in _bounds(surface)])
-    points, cells = tetrahedralised(joined(walls), nodes)
+    both = joined(walls)
+    nodes = [_nodes(made, bounds, edge, settings, facts) for bounds in _bounds(surface)]
+    firsts, constant = np.cumsum([0, *map(len, nodes)]), CONSTANT * facts.cell_size * settings.core_ratio
+    known = [first + lattice_cells(both, its, constant) for first, its in zip(firsts, nodes, strict=False)]
+    points, cells = tetrahedralised(both, np.concatenate(nodes), np.concatenate(known))
     mesh, flat = well_ordered(points, cells, regions_of(points, cells, walls) if surface.inner else None)
     require_sound(mesh, quality(mesh.points, mesh.cells))
     # the next stage improves the mean

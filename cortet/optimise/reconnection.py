@@ -303,7 +303,7 @@ def _improved(
     rigid[held] = True
     counts = []
     for number in range(1, _ROUNDS + 1):
-        mesh, count = _swapped(mesh, tree, min(threshold, _FIRST_SWAPS) if number == 1 else threshold, rigid)
+        mesh, count = _swapped(mesh, tree, min(threshold, _FIRST_SWAPS) if mean and number == 1 else threshold, rigid)
         counts.append(count)
         made = count.edge_removals + count.face_removals + count.boundary_flips + count.peeled
         logger.info("round %d: %d swaps of %d tried", number, made, count.attempts)

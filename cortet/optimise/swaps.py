@@ -237,10 +237,11 @@ def _stays_on_surface(points, tree, a, b, first, last, worst, on_triangle):  # t
 
 @numba.njit(cache=True, error_model="numpy")
 def _improve_cell(mesh, tree, e, tally, changed, work):  # type: ignore[no-untyped-def]
-    """Try every swap of one tetrahedron and make the best one; return the number of new tetrahedra, -1 for none.
+    """Make the best swap where tetrahedron e is the worst one; return the number of new tetrahedra, -1 for none.
 
-    `tally` counts attempts, edge removals, face removals, flips, peels and the volume cut. `changed` is set for the
-    vertices of the tetrahedra that are replaced. `work` holds scratch arrays; the first one lists the new tetrahedra.
+    In another cavity, the worst one has its turn earlier. `tally` counts attempts, edge removals, face removals, flips,
+    peels and the volume cut. `changed` is set for the vertices of the tetrahedra that are replaced. `work` holds scratch
+    arrays; the first one lists the new tetrahedra.
     """
     cavity, ring, cost, split, new, best_new = work
     points, cells = mesh.points, mesh.cells
@@ -257,6 +258,8 @@ def _improve_cell(mesh, tree, e, tally, changed, work):  # type: ignore[no-untyp
             worst = 0.0
             for i in range(tets):
                 worst = max(worst, mesh.mu2[cavity[i]])
+            if worst > mesh.mu2[e]:
+                continue
             achieved = best_filling(points, a, b, ring, first + 1, worst, cost, split)
             if not achieved < best_ratio * worst:
                 continue
@@ -278,7 +281,9 @@ def _improve_cell(mesh, tree, e, tally, changed, work):  # type: ignore[no-untyp
         worst = 0.0
         for i in range(tets):
             worst = max(worst, mesh.mu2[cavity[i]])
-        achieved = best_filling(points, a, b, ring, n, worst, cost, split) if n > 2 else 0.0
+        if worst > mesh.mu2[e]:
+            continue
+        achieved = best_filling(points, a, b, ring, n, best_ratio * worst, cost, split) if n > 2 else 0.0
         # a peeled tetrahedron leaves nothing that could be worse, so any swap that keeps the boundary is preferred
         ratio = achieved / worst if n == tets else max(achieved / worst, 0.99 * _MIN_GAIN)
         if achieved < _MIN_GAIN * worst and ratio < best_ratio:
@@ -291,7 +296,7 @@ def _improve_cell(mesh, tree, e, tally, changed, work):  # type: ignore[no-untyp
             cut = 0.0 if n == tets else signed_volume(points, a, b, ring[0], ring[n - 1])
     for k in range(4):
         f = mesh.neighbours[e, k]
-        if f < 0 or mesh.region[f] != mesh.region[e]:
+        if f < 0 or mesh.region[f] != mesh.region[e] or mesh.mu2[f] > mesh.mu2[e]:
             continue
         tally[0] += 1
         a, b, c = cells[e, TET_FACES[k, 0]], cells[e, TET_FACES[k, 1]], cells[e, TET_FACES[k, 2]]

@@ -47,6 +47,8 @@ FIXED, FREE, SLIDING = 0, 1, 2
 _BACKTRACKS, _SHRINK = 6, 0.4
 #: a move must lower E by this fraction, or it is not worth the visits to the neighbours that follow
 _MIN_GAIN = 1e-5
+#: nor is a vertex of a lattice worth a visit: the worst mu^2 around it is at most this multiple of the least
+_EQUAL = 1 + 1e-6
 #: a sliding move keeps each boundary face within acos(this) of the surface below its vertex, or no farther than before
 _MIN_FACE_COSINE = 0.3
 #: vertices in a run: many, so that their data stay in the cache; few, so that a colour has many runs
@@ -154,6 +156,9 @@ def _move(state, p, tree, v, half_power, cap, crests, star):  # type: ignore[no-
         sx, sy, sz = tangent_step(slopes, nx, ny, nz)
     else:
         sx, sy, sz = newton_step(slopes)
+    # E is convex: no part of the step lowers it by more than this
+    if not -(slopes[0] * sx + slopes[1] * sy + slopes[2] * sz) > _MIN_GAIN * before:
+        return False
     scale = 1.0
     for _ in range(_BACKTRACKS):
         x, y, z = scale * sx, scale * sy, scale * sz
@@ -222,9 +227,11 @@ def _visit_run(run, wanted, state, p, tree, half_power, cap, crests):  # type: i
         if not (wanted[v] and state.stale[v]):
             continue
         state.stale[v] = False
-        worst = 0.0
+        worst, least = 0.0, np.inf
         for i in range(p.offsets[v], p.offsets[v + 1]):
-            worst = max(worst, state.mu2[p.around[i]])
+            worst, least = max(worst, state.mu2[p.around[i]]), min(least, state.mu2[p.around[i]])
+        if worst <= _EQUAL * least:
+            continue
         if _move(state, p, tree, v, half_power, max(cap, worst), crests, star):
             moved += 1
             for i in range(p.offsets[v], p.offsets[v + 1]):

@@ -21,7 +21,7 @@ from cortet.optimise.soundness import require_sound
 from cortet.optimise.vertices import KEPT, Pass, PassReport, move_vertices
 from cortet.stages._meshtool import clean_with_meshtool, program_version
 
-VERSION: int = 9
+VERSION: int = 10
 
 #: sweeps over all vertices that improve the mean, before and after the threshold passes
 _FIRST_MEAN_SWEEPS, _LAST_MEAN_SWEEPS = 4, 3

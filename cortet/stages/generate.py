@@ -17,7 +17,7 @@ from cortet.meshers._sizes import require_sizes
 from cortet.meshers.mesher import Attempt, Facts, Refinement
 from cortet.meshes import FloatArray, TetMesh, TriSurface
 
-VERSION: int = 17
+VERSION: int = 18
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,13 @@ from cortet.geometry.orientation import random_rotation
 from cortet.geometry.topology import boundary_faces, enclosed_volume, surface_topology
 from cortet.measure.quality import oriented, signed_volumes
 from cortet.meshers import _lattice as lattice
-from cortet.meshers._lattice import graded_nodes, tetrahedralised
+from cortet.meshers._lattice import graded_nodes, lattice_cells, tetrahedralised
 from cortet.meshers._nested import remesh_apart, wanted
 from cortet.meshes import TetMesh, TriSurface
 from cortet.stages.generate import generate
+
+#: no tetrahedra
+NONE = np.zeros((0, 4), np.int32)
 
 
 def box(size: float) -> TriSurface:
@@ -40,12 +43,28 @@ def test_lines_through_edges_and_corners_cross_the_boundary_once(monkeypatch):
 
 def test_the_given_triangles_are_the_boundary():
     ball = ball_surface(3, radius=4.0)
-    points, cells = tetrahedralised(ball, nodes_in(ball, cell_size=0.7))
+    points, cells = tetrahedralised(ball, nodes_in(ball, cell_size=0.7), NONE)
     assert np.array_equal(points[: len(ball.points)], ball.points)
     mesh = TetMesh(points, oriented(points, cells)[0])
     as_sets = [np.unique(np.sort(faces, axis=1), axis=0) for faces in (boundary_faces(mesh), ball.faces)]
     assert np.array_equal(*as_sets)
     assert signed_volumes(mesh.points, mesh.cells).sum() == pytest.approx(enclosed_volume(ball.points, ball.faces))
+
+
+@pytest.mark.parametrize("core_ratio", [1.0, 2.0])
+def test_tetrahedra_known_in_advance_are_those_that_tetgen_would_make(core_ratio):
+    """Next to a node that is not of the lattice, in a core, and in two parts that touch nowhere."""
+    ball = ball_surface(4, radius=14.0)
+    size = np.full(len(ball.points), 1.25)
+    nodes = graded_nodes(ball, size, edge_length=1.25, cell_size=1.0, core_ratio=core_ratio, core_depth=1.0)
+    nodes = nodes[np.abs(nodes[:, 0]) > 1.0]
+    nodes = np.concatenate([[[4.0, 0.3, 0.2]], nodes])
+    known = lattice_cells(ball, nodes, core_ratio * lattice.CONSTANT)
+    assert len(known) > 400 and not (known == 0).any() and {-1, 1} == set(np.sign(nodes[known][..., 0]).ravel())
+    points, cells = tetrahedralised(ball, nodes, known)
+    same, every = tetrahedralised(ball, nodes, NONE)
+    assert np.array_equal(points, same)
+    assert np.array_equal(*(np.unique(np.sort(made, axis=1), axis=0) for made in (cells, every)))
 
 
 def test_near_smaller_triangles_the_lattice_is_finer():
@@ -125,7 +144,7 @@ def test_a_seed_turns_the_lattice_and_another_one_otherwise():
 def test_a_real_cortex_is_remeshed_and_filled():
     surface = real_surface("fetal/fetomorph_GW25_left")
     boundary = remesh_apart(surface, wanted(surface, 2.5, 0.8))[0].surface
-    points, cells = tetrahedralised(boundary, nodes_in(boundary, cell_size=2.0))
+    points, cells = tetrahedralised(boundary, nodes_in(boundary, cell_size=2.0), NONE)
     made = boundary_faces(TetMesh(points, oriented(points, cells)[0]))
     assert len(made) == len(boundary.faces) and surface_topology(made).problems() == []
 
@@ -137,5 +156,5 @@ def test_triangles_that_cross_leave_no_files_and_no_other_folder(tmp_path, monke
     ball = ball_surface(2, 5.0)
     crossing = replace(ball, points=np.r_[[-9.0 * ball.points[0] / 5], ball.points[1:]])
     with pytest.raises(RuntimeError, match="self-intersections"):
-        tetrahedralised(crossing, np.zeros((0, 3)))
+        tetrahedralised(crossing, np.zeros((0, 3)), NONE)
     assert list(tmp_path.iterdir()) == []

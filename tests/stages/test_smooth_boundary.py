@@ -48,7 +48,7 @@ def test_the_boundary_becomes_smoother_and_stays_on_the_surface(rough):
 def test_published_smoothing_leaves_the_surface_and_the_report_says_how_far(rough):
     result, report = smooth_boundary(rough, SURFACE, SmoothBoundary(iterations=10, onto_surface=False))
     assert report.roughness < report.roughness_before
-    assert report.nodes_to_surface_mm.mean > 0.05
+    assert report.nodes_to_surface_mm.mean > 0.03
     assert (signed_volumes(result.points, result.cells) > 0).all()
 
 
