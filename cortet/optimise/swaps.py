@@ -39,8 +39,6 @@ from cortet.optimise.cavities import (
     unit_normal,
 )
 
-#: passes over the whole list of bad tetrahedra
-_ROUNDS = 5
 #: the worst mu^2 of a cavity must fall by this factor
 _MIN_GAIN = 0.999
 #: a boundary move keeps new boundary faces within acos(this) of the ones they replace ...
@@ -236,12 +234,11 @@ def _stays_on_surface(points, tree, a, b, first, last, worst, on_triangle):  # t
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _improve_cell(mesh, tree, e, tally, changed, work):  # type: ignore[no-untyped-def]
+def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
     """Make the best swap where tetrahedron e is the worst one; return the number of new tetrahedra, -1 for none.
 
     In another cavity, the worst one has its turn earlier. `tally` counts attempts, edge removals, face removals, flips,
-    peels and the volume cut. `changed` is set for the vertices of the tetrahedra that are replaced. `work` holds scratch
-    arrays; the first one lists the new tetrahedra.
+    peels and the volume cut. `work` holds scratch arrays; the first one lists the new tetrahedra.
     """
     cavity, ring, cost, split, new, best_new = work
     points, cells = mesh.points, mesh.cells
@@ -321,9 +318,6 @@ def _improve_cell(mesh, tree, e, tally, changed, work):  # type: ignore[no-untyp
     if kind == 0 or mesh.counters[0] + best_size > len(cells):
         return -1
     cavity[:best_old] = best_cavity[:best_old]
-    for i in range(best_old):
-        for k in range(4):
-            changed[cells[cavity[i], k]] = True
     behind = best_cavity[best_old - 1]
     origin, region = mesh.origin[behind], mesh.region[behind]
     replace_cells(mesh, cavity, best_old, best_new, best_size)
@@ -336,11 +330,8 @@ def _improve_cell(mesh, tree, e, tally, changed, work):  # type: ignore[no-untyp
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _improve(mesh, tree, queue, threshold, tally, changed):  # type: ignore[no-untyped-def]
-    """Work through the rows in `queue`, and through new tetrahedra that are still above `threshold`.
-
-    Sets `changed` for the vertices of the tetrahedra that are replaced.
-    """
+def _improve(mesh, tree, queue, threshold, tally):  # type: ignore[no-untyped-def]
+    """Work through the rows in `queue`, and through new tetrahedra that are still above `threshold`."""
     work = (
         np.empty(MAX_NEW + MAX_RING, np.int32),
         np.empty(MAX_RING + 1, np.int32),
@@ -357,7 +348,7 @@ def _improve(mesh, tree, queue, threshold, tally, changed):  # type: ignore[no-u
             e = stack[top]
             if mesh.cells[e, 0] < 0 or mesh.mu2[e] <= threshold:
                 continue
-            size = _improve_cell(mesh, tree, e, tally, changed, work)
+            size = _improve_cell(mesh, tree, e, tally, work)
             for i in range(size):
                 if mesh.mu2[work[0][i]] > threshold and top < len(stack):
                     stack[top] = work[0][i]
@@ -365,40 +356,9 @@ def _improve(mesh, tree, queue, threshold, tally, changed):  # type: ignore[no-u
 
 
 def improve(mesh: Swappable, tree: SurfaceTree, threshold: float) -> SwapCount:
-    """Swap around tetrahedra with mu^2 above `threshold`, worst first, until nothing improves. Changes `mesh`."""
+    """Swap around tetrahedra with mu^2 above `threshold`, worst first, where that improves them. Changes `mesh`."""
     tally = np.zeros(6)
-    changed = np.ones(len(mesh.points), np.bool_)
-    for _ in range(_ROUNDS):
-        done = tally[1:5].sum()
-        bad = np.flatnonzero(mesh.mu2[: mesh.counters[0]] > threshold).astype(np.int32)
-        # where nothing has changed, an attempt that failed would fail again
-        bad = bad[_beside(mesh, changed)[mesh.cells[bad]].any(axis=1)]
-        queue = bad[np.argsort(-mesh.mu2[bad], kind="stable")]
-        changed[:] = False
-        _improve(mesh, tree, queue, threshold, tally, changed)
-        if tally[1:5].sum() == done:
-            break
+    bad = np.flatnonzero(mesh.mu2[: mesh.counters[0]] > threshold).astype(np.int32)
+    _improve(mesh, tree, bad[np.argsort(-mesh.mu2[bad], kind="stable")], threshold, tally)
     attempts, edges, faces, flips, peeled = (int(number) for number in tally[:5])
     return SwapCount(attempts, edges, faces, flips, peeled, float(tally[5]))
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _beside(mesh, changed):  # type: ignore[no-untyped-def]
-    """(n,) vertices whose incident tetrahedra need another round of swaps, once some vertices have `changed`.
-
-    A flip looks beyond the tetrahedra that it replaces: at those of the other vertices of its faces. So changed
-    vertices whose edges may be flipped count for all vertices of their tetrahedra.
-    """
-    used, on_surface = mesh.counters[0], mesh.on_triangle >= 0
-    for e in range(used):
-        for k in range(4):
-            if mesh.cells[e, 0] >= 0 and mesh.neighbours[e, k] < 0:
-                for corner in TET_FACES[k]:
-                    on_surface[mesh.cells[e, corner]] = True
-    flipped = on_surface & changed & ~mesh.held
-    beside = changed.copy()
-    for e in range(used):
-        a, b, c, d = mesh.cells[e]
-        if a >= 0 and (flipped[a] or flipped[b] or flipped[c] or flipped[d]):
-            beside[a] = beside[b] = beside[c] = beside[d] = True
-    return beside
