@@ -10,7 +10,7 @@ import numpy as np
 def behind_faces(cells, faces, vertex_count):  # type: ignore[no-untyped-def]
     """The tetrahedron behind the face opposite each corner: (m, 4) int32, -1 outside.
 
-    Faces are sorted into one bucket per smallest vertex; the two sides of a face meet in a bucket of a few dozen.
+    Faces are sorted into four buckets per smallest vertex; the two sides of a face meet in a bucket of about six.
 
     Parameters
     ----------
@@ -18,10 +18,11 @@ def behind_faces(cells, faces, vertex_count):  # type: ignore[no-untyped-def]
     faces : (4, 3), corners of the face opposite each corner
     """
     m = len(cells)
-    offsets = np.zeros(vertex_count + 1, np.int64)
+    offsets = np.zeros(4 * vertex_count + 1, np.int64)
     for e in range(m):
         for k in range(4):
-            offsets[_sorted(cells, faces, e, k)[0] + 1] += 1
+            low, middle, high = _sorted(cells, faces, e, k)
+            offsets[4 * low + (middle + high) % 4 + 1] += 1
     offsets = np.cumsum(offsets)
     free = offsets[:-1].copy()
     bucket = np.empty((4 * m, 2), np.int32)  # the other two vertices of each face
@@ -29,13 +30,14 @@ def behind_faces(cells, faces, vertex_count):  # type: ignore[no-untyped-def]
     for e in range(m):
         for k in range(4):
             low, middle, high = _sorted(cells, faces, e, k)
-            at = free[low]
+            one = 4 * low + (middle + high) % 4
+            at = free[one]
             bucket[at, 0], bucket[at, 1], number[at] = middle, high, 4 * e + k
-            free[low] += 1
+            free[one] += 1
     behind = np.full(4 * m, -1, np.int32)
-    for v in range(vertex_count):
-        for i in range(offsets[v], offsets[v + 1]):
-            for j in range(i + 1, offsets[v + 1]):
+    for one in range(4 * vertex_count):
+        for i in range(offsets[one], offsets[one + 1]):
+            for j in range(i + 1, offsets[one + 1]):
                 if bucket[i, 0] == bucket[j, 0] and bucket[i, 1] == bucket[j, 1]:
                     behind[number[i]], behind[number[j]] = number[j] // 4, number[i] // 4
     return behind.reshape(m, 4)

@@ -47,11 +47,27 @@ def edge_lengths(points: FloatArray, cells: IntArray) -> FloatArray:
     return np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
 
 
-@_in_blocks
 def signed_volumes(points: FloatArray, cells: IntArray) -> FloatArray:
     """Signed volumes: (m,) mm3, positive when d sees a, b, c counter-clockwise from outside."""
-    a, b, c, d = (points[cells[:, i]] for i in range(4))
-    return np.einsum("ij,ij->i", np.cross(b - a, c - a), d - a) / 6
+    require_indices(cells, len(points), "tetrahedron", "nodes")
+    return _volumes(np.ascontiguousarray(points, np.float64), np.ascontiguousarray(cells, np.int32))
+
+
+@numba.njit(parallel=True, cache=True, error_model="numpy")
+def _volumes(points, cells):  # type: ignore[no-untyped-def]
+    volumes = np.empty(len(cells))
+    for e in numba.prange(len(cells)):
+        volumes[e] = signed_volume(points, cells[e, 0], cells[e, 1], cells[e, 2], cells[e, 3])
+    return volumes
+
+
+@numba.njit(cache=True, error_model="numpy")
+def signed_volume(points, a, b, c, d):  # type: ignore[no-untyped-def]
+    """Volume of a tetrahedron, positive when d sees a, b, c counter-clockwise from outside."""
+    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+    vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+    wx, wy, wz = points[d, 0] - points[a, 0], points[d, 1] - points[a, 1], points[d, 2] - points[a, 2]
+    return ((uy * vz - uz * vy) * wx + (uz * vx - ux * vz) * wy + (ux * vy - uy * vx) * wz) / 6
 
 
 def oriented(points: FloatArray, cells: IntArray) -> tuple[IntArray, int]:

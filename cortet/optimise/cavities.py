@@ -314,12 +314,3 @@ def unit_normal(a, b, c):  # type: ignore[no-untyped-def]
     x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     length = np.sqrt(x * x + y * y + z * z)
     return x / length, y / length, z / length
-
-
-@numba.njit(cache=True, error_model="numpy")
-def signed_volume(points, a, b, c, d):  # type: ignore[no-untyped-def]
-    """Volume of a tetrahedron, positive when d sees a, b, c counter-clockwise from outside."""
-    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-    vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
-    wx, wy, wz = points[d, 0] - points[a, 0], points[d, 1] - points[a, 1], points[d, 2] - points[a, 2]
-    return ((uy * vz - uz * vy) * wx + (uz * vx - ux * vz) * wy + (ux * vy - uy * vx) * wz) / 6

@@ -21,6 +21,7 @@ import numpy as np
 
 from cortet.geometry.closest_point import SurfaceTree, closest_point
 from cortet.geometry.topology import TET_FACES, neighbours
+from cortet.measure.quality import signed_volume
 from cortet.meshes import FloatArray, IntArray, TetMesh
 from cortet.optimise.cavities import (
     EDGE_FRAMES,
@@ -35,7 +36,6 @@ from cortet.optimise.cavities import (
     ring_around,
     ring_of_two,
     share_an_edge,
-    signed_volume,
     unit_normal,
 )
 

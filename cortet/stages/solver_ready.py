@@ -8,7 +8,7 @@ import numpy as np
 
 from cortet.config.stages import Transfer
 from cortet.errors import StageError, counted
-from cortet.geometry.topology import boundary_faces, boundary_nodes, enclosed_volume, used_vertices
+from cortet.geometry.topology import boundary_faces, boundary_nodes, enclosed_volume, neighbours, used_vertices
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import MeshSets, TetMesh, TriSurface
 from cortet.stages.transfer import transfer
@@ -75,6 +75,7 @@ def surface_nodes_first(mesh: TetMesh) -> tuple[TetMesh, SolverReadyReport]:
             mesh.sets.cells,
         ),
     )
+    neighbours.remember(ready, neighbours(mesh))  # whatever the numbers of the nodes
     if unused := len(order) - len(used_vertices(ready.cells, len(order))):
         raise StageError(f"{counted(unused, 'node belongs', 'nodes belong')} to no tetrahedron")
     enclosed = enclosed_volume(ready.points, boundary_faces(ready))
