@@ -40,6 +40,8 @@ class Made:
     certificate: Certificate
     #: the surface that was meshed: the given one, repaired and smoothed
     surface: TriSurface
+    #: mm
+    cell_size: float
     #: where it comes from, as far as that is known: files, gestational age, hemisphere
     origin: Origin = field(default_factory=Origin)
     config: Config = field(default_factory=Config)
@@ -107,8 +109,8 @@ def deliver(
     config, origin, certificate = made.config, made.origin, sealed(asdict(made.certificate))
     out = files(path, made.surface.inner, certified=made.certificate.certified, volumes=bool(made.tissue_rows))
     if not force:
-        size, digest = config.generate.cell_size[0], made.certificate.mesh_sha256
-        require_own_stem(out.mesh, origin.given, cell_size=size, mesh_sha256=digest)
+        digest = made.certificate.mesh_sha256
+        require_own_stem(out.mesh, origin.given, cell_size=made.cell_size, mesh_sha256=digest)
     for file in out.all:
         may_write(file)
     told: list[str] = []
