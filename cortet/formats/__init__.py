@@ -81,7 +81,7 @@ def format_of(path: Path) -> Format:
 
 
 def read_mesh(path: Path, *, unit: str = "um") -> TetMesh:
-    """The mesh of a file, by the end of its name; InputError if it holds a surface, or cannot be read.
+    """The mesh of a file, by the end of its name; InputError if it has no tetrahedra, or cannot be read.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def read_mesh(path: Path, *, unit: str = "um") -> TetMesh:
     from cortet.formats import by_meshio, carp, vtu
 
     if path.name.endswith((".stl", ".gii")):
-        raise InputError("holds a surface, not a mesh", file=path, remedy="give a mesh of tetrahedra")
+        raise InputError("has no tetrahedra", file=path, remedy="give a mesh of tetrahedra")
     if path.suffix == ".pts":
         return carp.read(path, unit=unit)
     if path.suffix == ".vtu":
