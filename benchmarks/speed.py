@@ -178,7 +178,7 @@ mesh = named_sets(mesh)
 for name, form in FORMATS.items():
     if not form.is_surface:
         last = time.process_time()
-        write(mesh, folder / f"m{form.suffix}", solver=name)
+        form.write(mesh, folder / f"m{form.suffix}")
         seconds["format " + name] = time.process_time() - last
 
 def of_children(command, **more):
