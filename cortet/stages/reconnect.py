@@ -17,7 +17,7 @@ from cortet.meshes import TetMesh, TriSurface
 from cortet.optimise.reconnection import reconnected
 from cortet.optimise.soundness import require_sound
 
-VERSION: int = 18
+VERSION: int = 19
 
 
 @dataclass(frozen=True)
