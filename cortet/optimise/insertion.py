@@ -7,7 +7,8 @@ vertex (Klingner and Shewchuk, Aggressive tetrahedral mesh improvement, IMR 2007
 over the new tetrahedra. Vertices that the cavity encloses are removed from the mesh, so edges collapse, too.
 
 Each boundary face of a cavity remains a face of its filling, so only the inside changes. But where that is better, a
-vertex of the boundary is removed (`optimise.removal`), and one with a single tetrahedron gets a second one. The code is serial and takes the worst tetrahedron first.
+vertex of the boundary is removed (`optimise.removal`), and one with a single tetrahedron gets a second one. The code is
+serial and takes the worst tetrahedron first.
 """
 
 from __future__ import annotations

@@ -336,8 +336,8 @@ def _improve_cell(mesh, tree, e, tally, changed, work):  # type: ignore[no-untyp
 def flip_beside_lone(mesh, tree, e, changed):  # type: ignore[no-untyped-def]
     """Flip a boundary edge of tetrahedron e if e alone is at one of its vertices, which then gets a second one.
 
-    Three of its faces are on the boundary, so moving this vertex hardly helps. The flip may make the cavity worse, since
-    its vertices move afterwards. Returns whether one was made, and then sets `changed` for the vertices around.
+    Three of its faces are on the boundary, so moving this vertex hardly helps. The flip may make the cavity worse,
+    since its vertices move afterwards. Returns whether one was made, and then sets `changed` for the vertices around.
     """
     alone, walls = -1, 0
     for k in range(4):
