@@ -76,6 +76,8 @@ def test_a_mesh_of_another_program_is_improved_and_certified(folder, tmp_path):
     in_memory = cortet.improve(before, progress=False)
     assert np.array_equal(in_memory.points, better.points) and np.array_equal(in_memory.cells, better.cells)
     assert next(iter(in_memory.certificate.parameters)) == "clean"
+    better.page(tmp_path / "better.html")
+    assert "Mesher" not in (tmp_path / "better.html").read_text(), "none of cortet's made it"
 
 
 def test_what_cannot_be_improved_is_refused(folder):
