@@ -48,7 +48,7 @@ _MIN_FACE_COSINE = 0.5
 #: ... and the middle of the new boundary edge near the input surface: within the first fraction of the edge's length,
 #: or within the second one if an element has mu^2 above _BAD (q = 0.45), since nothing else may mend it. The check of
 #: the whole boundary tells whether a crest that was cut leaves too much behind
-_MAX_SAG, _MAX_SAG_OF_BAD, _BAD = 0.2, 0.35, (1 - 0.45) ** -2
+MAX_SAG, _MAX_SAG_OF_BAD, _BAD = 0.2, 0.35, (1 - 0.45) ** -2
 #: largest mu^2 that a flip beside a lone vertex may leave (q = 0.9)
 _WORST_FLIP = (1 - 0.9) ** -2
 
@@ -233,7 +233,7 @@ def _stays_on_surface(points, tree, a, b, first, last, worst, on_triangle):  # t
     sx, sy, sz = lx - fx, ly - fy, lz - fz
     px, py, pz, _, _, _, _ = closest_point(tree, mx, my, mz, on_triangle)
     sag2 = (px - mx) ** 2 + (py - my) ** 2 + (pz - mz) ** 2
-    allowed = _MAX_SAG if worst < _BAD else _MAX_SAG_OF_BAD
+    allowed = MAX_SAG if worst < _BAD else _MAX_SAG_OF_BAD
     return sag2 <= allowed**2 * (sx * sx + sy * sy + sz * sz)
 
 
