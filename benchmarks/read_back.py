@@ -29,7 +29,7 @@ from cubes import cube_mesh
 from cortet.formats import FORMATS, read_mesh
 from cortet.geometry.topology import boundary_faces
 from cortet.meshes import REGION, TetMesh
-from cortet.solver_files.export import export, write
+from cortet.solver_files.export import export
 from cortet.solver_files.sets import named_sets
 from cortet.stages.solver_ready import surface_nodes_first
 
@@ -196,7 +196,7 @@ def linear(points: np.ndarray) -> np.ndarray:
 def seen(mesh: TetMesh, name: str, folder: Path) -> Iterator[tuple[str, Seen]]:
     """What each program finds in the file of a format."""
     path = folder / f"m{FORMATS[name].suffix}"
-    export(mesh, path, solver=name, certificate={"certified": True, "reasons": []})
+    export(mesh, path, solver=name)
     for program, read in READERS[name].items():
         yield program, read(path)
 
@@ -251,7 +251,7 @@ def cost(task: str, name: str, path: Path, tets: float) -> Row:
     boundary_faces(mesh)  # the mesh has them by then: the named sets need them
     with spent() as used:
         if task == "write":
-            write(mesh, path, solver=name)
+            FORMATS[name].write(mesh, path)
         else:
             read_mesh(path)
     row = {f"{task}_s": used["cpu_seconds"], f"{task}_MB": used["peak_MB"]}

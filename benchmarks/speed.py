@@ -1,7 +1,7 @@
 """How fast is the line from surface to certificate, where does its time go, and what became slower?
 
     python benchmarks/speed.py SURFACE... [--cell-sizes 1.0 0.8] [--chains published cgal default default:tetgen]
-                               [--threads 1 2] [--inside WHITE] [--profile]
+                               [--threads 1 2] [--inside WHITE] [--turned 1 2] [--profile]
     python benchmarks/speed.py slower [COMMIT] [--runs 3] [--cell-size 1.2] [--limit 1.2]
 
 A chain is a setting, and after colons what differs from it: another mesher, or keys, as in
@@ -9,7 +9,8 @@ A chain is a setting, and after colons what differs from it: another mesher, or 
 compiled, on surfaces that are not smoothed. CPU seconds are those of all threads; other work on the machine changes
 them least. Prints a row per stage, then one per mesh, with a hash of its nodes and tetrahedra, and where a chain ran on
 several meshes, how its time grows with their size. With a surface `--inside` the given one, the mean q of the region
-between them has a column of its own. A profile lists the slowest functions of a chain.
+between them has a column of its own. A surface is turned at random and stretched by each of the seeds `--turned`, which
+tells what depends on how it lies. A profile lists the slowest functions of a chain.
 
 `slower` measures this checkout and a copy of COMMIT by turns, in CPU seconds: every stage of the line on a phantom, a
 week of folding on its mesh, writing and reading it in each format, and a case of the workflow from the sheet to its
@@ -29,6 +30,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -41,10 +43,10 @@ from cortet.errors import CortetError
 from cortet.formats.gifti import read_surface
 from cortet.geometry.nesting import nested
 from cortet.measure.quality import circumradii, edge_lengths, quality
-from cortet.meshes import REGION, TetMesh
+from cortet.meshes import REGION, TetMesh, TriSurface
 from cortet.pipeline import Step
 
-OF_CHAIN = ("surface", "h_mm", "chain", "threads")
+OF_CHAIN = ("surface", "h_mm", "chain", "threads", "turned")
 STAGE_COLUMNS = (*OF_CHAIN, "stage", "cpu_seconds", "wall_seconds", "tets", "q_mean", "q_max", "above_0.3", "above_0.6")
 MESH_COLUMNS = (
     *(*OF_CHAIN, "tets", "q_mean", "q_mean_outermost", "q_max", "above_0.3", "above_0.3005", "valence_bound"),
@@ -63,14 +65,15 @@ def chains(
     chains: Sequence[str] = ("published", "cgal", "default"),
     threads: Sequence[int] = (1,),
     inside: Path | None = None,
+    turned: Sequence[int] = (),
     profile: bool = False,
 ) -> None:
     """Run every chain on every surface at every cell size."""
     rows = []
     table = Table(*STAGE_COLUMNS)
-    for file, h, chain, count in product(surfaces, cell_sizes, chains, threads):
-        of_chain = {"surface": name_of(file), "h_mm": h, "chain": chain, "threads": count}
-        rows.append({**of_chain, **alone(run_chain, file, h, chain, count, inside, profile)})
+    for file, h, chain, count, seed in product(surfaces, cell_sizes, chains, threads, turned or (None,)):
+        of_chain = {"surface": name_of(file), "h_mm": h, "chain": chain, "threads": count, "turned": seed}
+        rows.append({**of_chain, **alone(run_chain, file, h, chain, count, inside, seed, profile)})
         for stage in rows[-1].get("stages", ()):
             table.add(of_chain, stage)
     print()
@@ -81,7 +84,9 @@ def chains(
         print_power(chain, (row for row in rows if row["chain"] == chain))
 
 
-def run_chain(file: Path, cell_size: float, chain: str, threads: int, inside: Path | None, profile: bool) -> Row:
+def run_chain(
+    file: Path, cell_size: float, chain: str, threads: int, inside: Path | None, seed: int | None, profile: bool
+) -> Row:
     """Run one chain in this process; the row of its mesh, and those of its stages."""
     numba.set_num_threads(threads)
     stages: list[Row] = []
@@ -96,6 +101,8 @@ def run_chain(file: Path, cell_size: float, chain: str, threads: int, inside: Pa
     surface = read_surface(file)
     if inside:
         surface = nested(surface, {"inside": read_surface(inside)})
+    if seed is not None:
+        surface = distorted(surface, seed)
     try:
         done = mesh(surface, config_of(cell_size, *changes, setting=setting), say)
     except CortetError as error:
@@ -103,6 +110,15 @@ def run_chain(file: Path, cell_size: float, chain: str, threads: int, inside: Pa
     if profile:
         pstats.Stats(profiler).sort_stats("tottime").print_stats(16)
     return {"stages": stages, **of_mesh(done.made.mesh, done.made.certificate, done.used, cell_size)}
+
+
+def distorted(surface: TriSurface, seed: int) -> TriSurface:
+    """A surface, with its inner ones, after a random rotation and stretches along three axes, 6 % (one sigma) each."""
+    random = np.random.default_rng(seed)
+    turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    matrix = turn * np.sign(np.linalg.det(turn)) * np.exp(random.normal(0, 0.06, 3))
+    inner = {name: replace(one, points=one.points @ matrix) for name, one in surface.inner.items()}
+    return replace(surface, points=surface.points @ matrix, inner=inner)
 
 
 def of_stage(step: Step) -> dict[str, Any]:
@@ -178,7 +194,7 @@ mesh = named_sets(mesh)
 for name, form in FORMATS.items():
     if not form.is_surface:
         last = time.process_time()
-        write(mesh, folder / f"m{form.suffix}", solver=name)
+        form.write(mesh, folder / f"m{form.suffix}")
         seconds["format " + name] = time.process_time() - last
 
 def of_children(command, **more):

@@ -25,11 +25,10 @@ if sys.platform == "win32":
 os.environ.setdefault("NUMBA_THREADING_LAYER_PRIORITY", "omp workqueue tbb")
 # threads that wait must not take a core from other work; read when OpenMP is loaded
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
-# compiled kernels: NUMBA_CACHE_DIR where the user names one, else `geometry.kernel_cache`; the others are for functions
-# that are not ours
+# our compiled kernels are kept by `geometry.kernel_cache`; the others are for functions that are not ours
 os.environ.setdefault(
     "NUMBA_CACHE_LOCATOR_CLASSES",
-    "UserProvidedCacheLocator,cortet.geometry.kernel_cache.KernelCacheLocator,InTreeCacheLocator,UserWideCacheLocator",
+    "cortet.geometry.kernel_cache.KernelCacheLocator,UserProvidedCacheLocator,InTreeCacheLocator,UserWideCacheLocator",
 )
 if "numba" in sys.modules:  # it has read its environment already
     sys.modules["numba"].config.reload_config()

@@ -13,7 +13,6 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from cortet.config import Config, load
-from cortet.geometry.limits import SCAN_AGES, require_within
 from cortet.geometry.nesting import nested
 from cortet.measure.certify import Certificate, certify
 from cortet.meshes import TetMesh, TriSurface
@@ -63,32 +62,36 @@ def run(state: State, config: Config, about: About) -> Iterator[Step]:
     ----------
     state : the surface, mm, with its inner surfaces by the names of the regions inside them, and its sphere if it has
         one; coordinates may be non-finite if the line repairs
-    config : of the line; the first of its cell sizes and meshers is used
-    about : what else is known, but for what `config` says
+    config : of the line
+    about : what else is known; without a cell size or a mesher, the first of `config`
 
     Raises
     ------
     InputError : a program that the line calls is not installed, or the gate refuses the surface
     StageError : a stage failed
     """
-    config, age, inner = settled(config), about.gestational_age, state.surface.inner
+    config, about, inner = settled(config), _completed(about, config, state.surface), state.surface.inner
+    age = about.gestational_age
     if config.smooth_surface.enabled and config.smooth_surface.method == "published" and age is None:
         logger.warning("no gestational age is given, so the surface is not smoothed")
-    if age is not None:
-        require_within(age, SCAN_AGES, "the gestational age in weeks")
     require_programs(config)
     for notice in notices(config):
         logger.warning(notice)
     if inner:
         require_nesting(config)
-    known = {
-        "cell_size": config.generate.cell_size[0],
-        "mesher": config.generate.meshers[0],
-        "inner": {name: about.inner.get(name, name) for name in inner},
-    }
     state = replace(state, surface=nested(state.surface, inner))
     line = stages_of(config, nested=bool(inner), registered=state.sphere is not None, aged=age is not None)
-    yield from _through(line, state, config, about.model_copy(update=known))
+    yield from _through(line, state, config, about)
+
+
+def _completed(about: About, config: Config, surface: TriSurface) -> About:
+    """What is known, with the first cell size and mesher of the configuration, and the names of inner surfaces."""
+    known = {
+        "cell_size": about.cell_size or config.generate.cell_size[0],
+        "mesher": about.mesher or config.generate.meshers[0],
+        "inner": {name: about.inner.get(name, name) for name in surface.inner},
+    }
+    return about.model_copy(update=known)
 
 
 def _through(line: Iterable[Stage], state: State, config: Config, about: About) -> Iterator[Step]:
@@ -121,18 +124,17 @@ def mesh_surface(
 
     Parameters are those of `run`. `case` is named in the certificate; `progress` is called after every stage.
     """
-    line, size = run(state, config, about), config.generate.cell_size[0]
-    return _certified(line, config, progress, cell_size=size, native=state.surface, case=case, source=about.source)
+    line, about = run(state, config, about), _completed(about, config, state.surface)
+    return _certified(line, config, about, progress, case=case, native=state.surface)
 
 
 def _certified(
     line: Iterable[Step],
     config: Config,
+    about: About,
     progress: Callable[[Step], None],
     *,
-    cell_size: float,
     case: str,
-    source: str | None,
     native: TriSurface | None = None,
     before: Mapping[str, Values] = MappingProxyType({}),
 ) -> Meshed:
@@ -151,15 +153,15 @@ def _certified(
         if step.stage == "gate" and reports.get("repair", {}).get("repaired"):
             native = step.surface  # the file lacks what repair made
     assert isinstance(mesh, TetMesh)  # the line ends with solver_ready
-    parameters["certify"] = certify_record(config, cell_size)
+    parameters["certify"] = certify_record(config, about.cell_size)
     certificate = certify(
         mesh,
         surface,
         config.certify,
-        cell_size=cell_size,
+        cell_size=about.cell_size,
         native=native,
         case=case,
-        source=source,
+        source=about.source,
         parameters=parameters,
         reports=reports,
         layers=config.export.layers,
@@ -172,7 +174,6 @@ def improve(
     config: Config,
     about: About,
     *,
-    cell_size: float,
     case: str = "",
     repaired: Mapping[str, Values] = MappingProxyType({}),
     progress: Callable[[Step], None] = lambda _: None,
@@ -184,16 +185,14 @@ def improve(
     state : a mesh of positive volumes, and the surface that it fills, mm, with its inner surfaces; `region` of its
         cell data numbers the regions, where there are inner surfaces
     config : of the line
-    about : what else is known
-    cell_size : mm, of the mesh
+    about : what else is known, with the cell size of the mesh
     case : name in the certificate
     repaired : the report of `repair` on the surface, by stage, if there is one
     progress : called after every stage
     """
     require_programs(config)
-    inner = {name: about.inner.get(name, name) for name in state.surface.inner}
-    about = about.model_copy(update={"cell_size": cell_size, "inner": inner})
+    about = _completed(about, config, state.surface)
     after_transfer = [*MESH_STAGES.values()][2:]
-    line = [stage for stage in stages_of(config, nested=bool(inner)) if stage in after_transfer]
+    line = [stage for stage in stages_of(config, nested=bool(about.inner)) if stage in after_transfer]
     steps = _through(line, state, config, about)
-    return _certified(steps, config, progress, cell_size=cell_size, case=case, source=about.source, before=repaired)
+    return _certified(steps, config, about, progress, case=case, before=repaired)

@@ -22,6 +22,7 @@ told = export_made(
     surface,
     Path(job.output.mesh),
     certificate=certificate_as_planned(job.input, job.params),
+    uncertified=job.wildcards.label == OF_UNCERTIFIED,
     origin=Origin(
         job.params.given,
         by_region(Path(job.input.surface), inner),
@@ -30,7 +31,7 @@ told = export_made(
         age=job.params.age,
     ),
     **named,
-    arguments={**job.params.arguments, "uncertified": job.wildcards.label == OF_UNCERTIFIED},
+    arguments=job.params.arguments,
 )
 for what in told:
     logging.getLogger("cortet").info("%s", what)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from cortet.config import Config
 from cortet.formats import format_of
-from cortet.formats.atomic import recorded
+from cortet.formats.atomic import atomic_folder, write_record
 from cortet.formats.certificates import sealed
 from cortet.formats.ownership import delete_made, files_of, is_ours, json_of, may_write
 from cortet.formats.tables import write_table
@@ -40,6 +40,8 @@ class Made:
     certificate: Certificate
     #: the surface that was meshed: the given one, repaired and smoothed
     surface: TriSurface
+    #: mm
+    cell_size: float
     #: where it comes from, as far as that is known: files, gestational age, hemisphere
     origin: Origin = field(default_factory=Origin)
     config: Config = field(default_factory=Config)
@@ -107,36 +109,35 @@ def deliver(
     config, origin, certificate = made.config, made.origin, sealed(asdict(made.certificate))
     out = files(path, made.surface.inner, certified=made.certificate.certified, volumes=bool(made.tissue_rows))
     if not force:
-        size, digest = config.generate.cell_size[0], made.certificate.mesh_sha256
-        require_own_stem(out.mesh, origin.given, cell_size=size, mesh_sha256=digest)
+        digest = made.certificate.mesh_sha256
+        require_own_stem(out.mesh, origin.given, cell_size=made.cell_size, mesh_sha256=digest)
     for file in out.all:
         may_write(file)
+
+    def temporary(file: Path) -> Path:
+        return folder / file.name if file.parent.absolute() == out.certificate.parent.absolute() else file
+
     told: list[str] = []
-
-    def write_mesh(folder: Path) -> None:
-        if not (made.certificate.certified or uncertified):
-            return
-        told.extend(
-            export_made(
-                made.mesh,
-                made.surface,
-                out.mesh,
-                certificate=certificate,
-                origin=replace(origin, meshed=out.surfaces),
-                sets=config.export.sets(origin.kind),
-                labels=label_names(made.volumes),
-                arguments={**config.export_arguments(format_of(out.mesh).name), "uncertified": uncertified},
-                temporary=folder,
-            )
-        )
-
     # files of an earlier mesh of this name are not to be taken for this one's
-    earlier = (out.certificate, sidecar_path(out.mesh))
-    with recorded(certificate, out.certificate, replaced=earlier, then=write_mesh) as temporary:
+    with atomic_folder(out.certificate, replaced=(out.certificate, sidecar_path(out.mesh))) as folder:
         write_meshed(made.surface, temporary(out.mesh))
         if out.tissues:
             write_table(TISSUE_COLUMNS, made.tissue_rows, temporary(out.tissues))
         views(temporary)
+        write_record(certificate, temporary(out.certificate))
+        if made.certificate.certified or uncertified:
+            told = export_made(
+                made.mesh,
+                made.surface,
+                out.mesh,
+                certificate=certificate,
+                uncertified=uncertified,
+                origin=replace(origin, meshed=out.surfaces),
+                sets=config.export.sets(origin.kind),
+                labels=label_names(made.volumes),
+                arguments=config.export_arguments(format_of(out.mesh).name),
+                temporary=folder,
+            )
     if made.certificate.certified:
         _delete_failed(uncertified_path(path))
     return told

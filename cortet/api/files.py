@@ -76,12 +76,10 @@ def read(path: str | Path, shape: SurfaceLike | None = None, cell_size: float | 
     file = Path(path)
     mesh, filled, source = filling(file, shape, Config())
     size = _size(cell_size, file, mesh)
-    config = load({"generate": {"cell_size": size}})
     stages = {} if changed_since(file) else parameters_of(file)
     certificate = certify(
         mesh,
         filled,
-        config.certify,
         cell_size=size,
         case=file.stem,
         source=source,
@@ -89,7 +87,7 @@ def read(path: str | Path, shape: SurfaceLike | None = None, cell_size: float | 
         reports=known_repair(file, source),
     )
     certificate = with_contacts(certificate, mesh, known_electrodes(file, mesh))
-    return _known(Mesh(mesh, certificate, filled, config=config), file, source)
+    return _known(Mesh(mesh, certificate, filled, size), file, source)
 
 
 def improve(
@@ -134,20 +132,20 @@ def improve(
     cells = _oriented(mesh, file)
     require_body(mesh, file)
     size = _size(cell_size, made, mesh)
-    config = load({"snap": {"enabled": True}, **sections(asked, size)})
+    config = load({"snap": {"enabled": True}, **asked})
     region = {REGION: mesh.cell_data[REGION]} if REGION in mesh.cell_data else {}
     bare = TetMesh(mesh.points, cells, {}, region)
     case = file.stem if file else ""
     found = improved(
         State(filled, mesh=bare),
         config,
-        About(source=None if source is None else str(source)),
-        cell_size=size,
+        About(cell_size=size, source=None if source is None else str(source)),
         case=case,
         repaired=known_repair(made, source),
         progress=teller(progress),
     )
-    return _known(Mesh(*found, config=config), made if isinstance(made, TetMesh | Mesh) else Path(made), source)
+    better = Mesh(*found, size, config=config)
+    return _known(better, made if isinstance(made, TetMesh | Mesh) else Path(made), source)
 
 
 def convert(source: str | Path, target: str | Path, *, force: bool = False) -> list[str]:
@@ -288,7 +286,7 @@ def known_electrodes(made: TetMesh | Mesh | str | Path, mesh: TetMesh) -> tuple[
 def known_size(made: TetMesh | Mesh | str | Path) -> float | None:
     """The cell size that a mesh was made with, mm; of a file by the certificate beside it."""
     if isinstance(made, Mesh):
-        return made.config.generate.cell_size[0]
+        return made.cell_size
     return cell_size_of(Path(made)) if isinstance(made, str | Path) else None
 
 

@@ -117,15 +117,12 @@ def cortex(shape: SurfaceLike, *, finite: bool = True) -> TriSurface:
     return surface(shape, finite=finite)
 
 
-def sections(settings: Settings | None, cell_size: float | None = None) -> dict[str, Any]:
-    """The keys of a configuration by section, with the cell size, mm, if one is given."""
+def sections(settings: Settings | None) -> dict[str, Any]:
+    """The keys of a configuration by section."""
     if isinstance(settings, str | Path):
         load(settings)  # its errors name the file
         settings = read(Path(settings))
-    data = dict(settings or {})
-    if cell_size is not None:
-        data["generate"] = {**(data.get("generate") or {}), "cell_size": cell_size}
-    return data
+    return dict(settings or {})
 
 
 def require_hemisphere(hemi: Any) -> None:

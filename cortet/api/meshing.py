@@ -42,7 +42,7 @@ from cortet.formats.tags import regions
 from cortet.formats.volumes import TISSUE_COLUMNS, Volume
 from cortet.geometry.interpolation import applied
 from cortet.geometry.kernel_cache import require_threads
-from cortet.geometry.limits import SCAN_AGES, require_within
+from cortet.geometry.limits import CELL_SIZE_MM, SCAN_AGES, require_within
 from cortet.geometry.nesting import nested, sheets
 from cortet.measure.certify import with_contacts, with_remarks
 from cortet.measure.electrodes import ElectrodeRecord, around_contacts, with_electrodes
@@ -297,8 +297,9 @@ class Mesh(Made):
         from cortet.report.case_page import Checked, about, write_case_page
         from cortet.report.slices import slices
 
-        known = {"surface": self.origin.kind, "scan_age": self.ga, "mesher": self.config.generate.meshers[0]}
-        known |= {"cell_size_mm": self.config.generate.cell_size[0]} | ({"hemi": self.hemi} if self.hemi else {})
+        mesher = self.certificate.parameters.get("generate", {}).get("mesher")
+        known = {"surface": self.origin.kind, "scan_age": self.ga, "cell_size_mm": self.cell_size}
+        known |= {name: one for name, one in {"mesher": mesher, "hemi": self.hemi}.items() if one}
         given = next(iter(self.native.values()), self.surface)
         with tempfile.TemporaryDirectory() as folder:
             drawn = None
@@ -419,7 +420,10 @@ def mesh(
     require_region_names(inner or ())
     if ga is not None:
         require_within(ga, SCAN_AGES, "the gestational age in weeks")
-    config = load(sections(settings, cell_size))
+    config = load(sections(settings))
+    size = config.generate.cell_size[0] if cell_size is None else cell_size
+    require_within(size, CELL_SIZE_MM, "the cell size in mm")
+    size = float(size)
     source, field_files = _file(shape), _files(fields)
     whole = _whole(shape, fields or {}, inner or {}, finite=not config.enabled("repair"))
     if config.export.layers is not None:
@@ -445,6 +449,7 @@ def mesh(
         State(in_mm, None if sphere is None else surface(sphere)),
         config,
         About(
+            cell_size=size,
             gestational_age=origin.age,
             hemi=origin.hemisphere,
             to_mm=config.placement(),
@@ -465,6 +470,7 @@ def mesh(
         filled,
         with_contacts(with_remarks(made.certificate, large), filled, records),
         made.surface,
+        size,
         origin,
         config,
         inputs=tuple(Path(file) for file in read_from if file),

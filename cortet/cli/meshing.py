@@ -158,7 +158,7 @@ def mesh(
     # a file that cannot be written is refused before the work
     refuse_uncertified_name(output)
     settings = configured.settings(size, layers)
-    cell_size = load(settings).generate.cell_size[0]
+    cell_size = configured.cell_size or load(settings).generate.cell_size[0]
     format_of(output)
     outs = [files(output, dict(inner), certified=is_so, volumes=bool(volume)) for is_so in (True, False)]
     every = [file for out in outs for file in out.all]
@@ -171,6 +171,7 @@ def mesh(
         require_own_stem(output, by_region(surface, dict(inner)), cell_size=cell_size)
     made = cortet.mesh(
         surface,
+        cell_size,
         ga=ga,
         inner=dict(inner),
         fields=dict(field),

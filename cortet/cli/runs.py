@@ -176,6 +176,8 @@ def run(
 
     asked: Sequence[str] = levels or list(app.LEVELS)
     settings, alone = configured.settings(), set(asked) == {"group"}
+    if configured.cell_size:
+        settings = with_keys(settings, "generate", cell_size=configured.cell_size)
     if alone:  # meshes are of the sizes, and so on, that the participants were run with
         settings = run_record(output_dir).get("config", {}) | settings
     selection = app.Selection(participant_label, session_label, hemi)

@@ -84,7 +84,7 @@ class Configured:
         """The sections of the file; options of the command take precedence."""
         from cortet.api.given import sections as sections_of
 
-        data = sections_of(self.config, self.cell_size)
+        data = sections_of(self.config)
         if self.setting:
             data["setting"] = self.setting
         if sizes:

@@ -22,7 +22,7 @@ from cortet.cli.values import (
     number,
 )
 from cortet.errors import CortetError, InputError, counted
-from cortet.formats.atomic import recorded
+from cortet.formats.atomic import atomic_folder, write_record
 from cortet.formats.ownership import may_write
 from cortet.geometry.limits import PHANTOM_AGES, SCAN_AGES, SUBDIVISIONS, THICKNESS_MM
 
@@ -109,8 +109,9 @@ def repair(
     may_write(record)
     given = with_fields(cortex(surface, finite=False), dict(field)) if field else surface
     made, done = cortet.repair(given, config or {})
-    with recorded(done, record) as temporary:
-        write_surface(made, temporary(output))
+    with atomic_folder(record) as folder:
+        write_surface(made, folder / output.name)
+        write_record(done, folder / record.name)
     for step in done["steps"]:
         print(f"{step['count']} {step['done']}")
     if not done["repaired"]:

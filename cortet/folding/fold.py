@@ -372,7 +372,7 @@ def _verdict(
         warnings=tuple(warnings),
         tets=len(run.cell),
         steps=moment.step,
-        gestational_age=age,
+        gestational_age=round(age, 6),
         thickness_mm=thickness_mm(run),
         min_j=min(row["min_j"] for row in rows),
         distortion_max=None if outcome == "inverted" else max(row["distortion_max"] for row in rows),

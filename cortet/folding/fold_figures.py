@@ -138,10 +138,9 @@ def numbers(table: Path, hemisphere: str | None) -> Figure:
                     "inversion", (0.05, 0), xycoords=axis.get_yaxis_transform(), xytext=(0, 2),
                     textcoords="offset points", fontsize=6, color=VERMILION,
                 )  # fmt: skip
-            if column not in _SMALL:
-                real_points(axis, column, hemisphere)
             weeks(axis, float(rows["gestational_age"].min()), float(rows["gestational_age"].max()))
             if column not in _SMALL:
+                real_points(axis, column, hemisphere, axis.get_xlim())
                 _fit(axis)
         letter(axes)
         handles, labels = axes[0].get_legend_handles_labels()
@@ -202,9 +201,10 @@ def as_real_brains(rows: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def real_points(axis: Axes, column: str, hemisphere: str | None) -> None:
+def real_points(axis: Axes, column: str, hemisphere: str | None, ages: tuple[float, float] = (0.0, np.inf)) -> None:
     """Draw inner surfaces of real brains, source by source: newborns in grey, since their index jumps at birth."""
     brains = real_brains()
+    brains = brains[brains["gestational_age_weeks"].between(*ages)]
     brains["relative_area"] = brains["area_cm2"] / brains["volume_ml"] ** (2 / 3)
     brains = brains[(brains["surface_type"] == "white") & ((brains["hemi"] == "both") == (hemisphere is None))]
     for source, (label, marker, colour) in _SOURCES.items():

@@ -6,15 +6,15 @@ used, so naming formats costs nothing.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from cortet.errors import InputError
 
 if TYPE_CHECKING:
-    from cortet.meshes import TetMesh, TriSurface
+    from cortet.meshes import CoordinateFrame, TetMesh
 
 #: what a format may hold beside nodes, tetrahedra and numbers of regions: fields and sets
 _ALL = frozenset({"point_data", "cell_data", "nodes", "faces", "cells"})
@@ -41,9 +41,22 @@ class Format:
     #: whether its files get q of each tetrahedron, as those that viewers open do
     has_q: bool = False
 
-    def write(self, content: TetMesh | TriSurface, path: Path, **options: Any) -> None:
-        """Write a TetMesh, or a TriSurface if the format is that of a surface."""
-        getattr(import_module(f"{__name__}.{self.module}"), self.function)(content, path, **options)
+    def write(self, mesh: TetMesh, path: Path, *, unit: str = "um", frame: CoordinateFrame | None = None) -> None:
+        """Write a mesh, or its boundary if the format is that of a surface.
+
+        Parameters
+        ----------
+        unit : of the coordinates, mm or um, where the file does not state it
+        frame : coordinate system, which files of surfaces state
+        """
+        write = getattr(import_module(f"{__name__}.{self.module}"), self.function)
+        if self.is_surface:
+            from cortet.geometry.topology import boundary_with_fields  # loads Numba and SciPy
+
+            surface = boundary_with_fields(mesh)
+            write(surface if frame is None else replace(surface, frame=frame), path)
+        else:
+            write(mesh, path, **({"unit": unit} if self.has_unit else {}))
 
 
 FORMATS: dict[str, Format] = {
@@ -81,7 +94,7 @@ def format_of(path: Path) -> Format:
 
 
 def read_mesh(path: Path, *, unit: str = "um") -> TetMesh:
-    """The mesh of a file, by the end of its name; InputError if it holds a surface, or cannot be read.
+    """The mesh of a file, by the end of its name; InputError if it has no tetrahedra, or cannot be read.
 
     Parameters
     ----------
@@ -90,7 +103,7 @@ def read_mesh(path: Path, *, unit: str = "um") -> TetMesh:
     from cortet.formats import by_meshio, carp, vtu
 
     if path.name.endswith((".stl", ".gii")):
-        raise InputError("holds a surface, not a mesh", file=path, remedy="give a mesh of tetrahedra")
+        raise InputError("has no tetrahedra", file=path, remedy="give a mesh of tetrahedra")
     if path.suffix == ".pts":
         return carp.read(path, unit=unit)
     if path.suffix == ".vtu":

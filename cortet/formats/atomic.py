@@ -6,7 +6,7 @@ import errno
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -116,24 +116,6 @@ def write_json(data: Any, path: str | Path) -> None:
         temporary.write_text(json.dumps(data, indent=2, allow_nan=False) + "\n")
 
 
-@contextmanager
-def recorded(
-    content: Mapping[str, Any],
-    record: Path,
-    *,
-    replaced: Iterable[Path] = (),
-    then: Callable[[Path], None] = lambda _: None,
-) -> Iterator[Callable[[Path], Path]]:
-    """Write a report that lists the files made with it, so that a later run may replace them, even after a kill.
-
-    Yields a function that gives the temporary name of each file. After the report, the files get their own names.
-
-    Parameters
-    ----------
-    replaced : as of `atomic_folder`
-    then : writes files that the report does not list, with their final names, to the temporary folder that it gets
-    """
-    with atomic_folder(record, replaced=replaced) as folder:
-        yield lambda file: folder / file.name if file.parent.absolute() == record.parent.absolute() else file
-        write_json({**content, **record_of(sorted(folder.iterdir()))}, folder / record.name)
-        then(folder)
+def write_record(content: Mapping[str, Any], path: Path) -> None:
+    """Write a report that lists the files beside it, which were made with it, so that a later run may replace them."""
+    write_json({**content, **record_of(sorted(path.parent.iterdir()))}, path)

@@ -56,7 +56,7 @@ _STRUCTURE = rb"AnatomicalStructurePrimary.{0,99}?<Value>\s*(?:<!\[CDATA\[)?\s*(
 _SECONDARY = _STRUCTURE.replace(b"Primary", b"Secondary")
 _SHAPE = _STRUCTURE.replace(b"AnatomicalStructurePrimary", b"GeometricType")
 #: shapes that no brain has, in the words of GIfTI; and what follows a dot in names of such surfaces of FreeSurfer
-_DEFORMED = ("inflated", "veryinflated", "spherical", "semispherical", "ellipsoid", "flat", "sphere", "qsphere")
+_DEFORMED = ("inflated", "veryinflated", "spherical", "semispherical", "ellipsoid", "flat", "hull", "sphere", "qsphere")
 _INFLATED = re.compile(r"\.(inflated|q?sphere)(\.|$)")
 
 

@@ -127,6 +127,9 @@ def read_volume(path: str | Path, kind: Kind | None = None) -> Volume:
     check_file(path)
     with by_library("a volume", path):
         image: Any = nibabel.load(path, mmap=False)  # if a mapped file is truncated later, the program dies
+    if isinstance(image, nibabel.Cifti2Image):
+        remedy = "extract its volume: wb_command -cifti-separate FILE COLUMN -volume-all OUT.nii.gz"
+        raise InputError("is a CIFTI file, of which cortet reads no volume", file=path, remedy=remedy)
     return _volume(image, path, kind)
 
 

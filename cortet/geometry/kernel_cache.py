@@ -80,8 +80,9 @@ os.register_at_fork(after_in_child=_note_fork)
 def cache_folder() -> Path:
     """Folder of all compiled kernels of this user; a temporary folder, with a warning, if the cache is not writable."""
     try:
-        home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-        folder = Path(home) / "cortet" / "kernels"
+        own = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME")
+        home = Path(own) if own else Path.home() / ".cache"
+        folder = home / "cortet" / "kernels"
         folder.mkdir(parents=True, exist_ok=True)
         writable = os.access(folder, os.W_OK | os.X_OK)
     except (OSError, RuntimeError):  # RuntimeError: there is no home
@@ -91,6 +92,7 @@ def cache_folder() -> Path:
     temporary = _own_temporary_folder()
     logger.warning("the home folder has no writable cache folder; cortet uses %s (or set XDG_CACHE_HOME)", temporary)
     os.environ["XDG_CACHE_HOME"] = str(temporary)  # for Snakemake and its jobs, too
+    os.environ.pop("NUMBA_CACHE_DIR", None)
     return cache_folder()
 
 

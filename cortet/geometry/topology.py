@@ -6,7 +6,7 @@ faces) are computed on first use and kept as long as the mesh lives.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -152,6 +152,12 @@ def boundary_surface(mesh: TetMesh) -> tuple[TriSurface, IntArray]:
     nodes = boundary_nodes(mesh)
     faces = numbers(nodes, len(mesh.points))[boundary_faces(mesh)]
     return TriSurface(mesh.points[nodes], faces), nodes
+
+
+def boundary_with_fields(mesh: TetMesh) -> TriSurface:
+    """The boundary with the fields of its nodes."""
+    surface, nodes = boundary_surface(mesh)
+    return replace(surface, point_data={name: values[nodes] for name, values in mesh.point_data.items()})
 
 
 def used_vertices(simplices: IntArray, vertex_count: int) -> IntArray:

@@ -7,7 +7,8 @@ vertex (Klingner and Shewchuk, Aggressive tetrahedral mesh improvement, IMR 2007
 over the new tetrahedra. Vertices that the cavity encloses are removed from the mesh, so edges collapse, too.
 
 Each boundary face of a cavity remains a face of its filling, so only the inside changes. But where that is better, a
-vertex of the boundary is removed (`optimise.removal`). The code is serial and takes the worst tetrahedron first.
+vertex of the boundary is removed (`optimise.removal`), and one with a single tetrahedron gets a second one. The code is
+serial and takes the worst tetrahedron first.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from cortet.meshes import FloatArray, IntArray, TetMesh
 from cortet.optimise.cavities import EDGE_FRAMES, MAX_RING, replace_cells, ring_around
 from cortet.optimise.removal import remove_vertex
 from cortet.optimise.star import FLATNESS, MU2, derivatives, empty_star, energy, find_mu2, newton_step, set_column
-from cortet.optimise.swaps import live_cells, swappable
+from cortet.optimise.swaps import flip_beside_lone, live_cells, swappable
 from cortet.optimise.vertices import interface_triangles
 
 #: most tetrahedra of a cavity
@@ -126,7 +127,7 @@ def _insert(mesh, tree, e, like, used, changed, gain):  # type: ignore[no-untype
         if ratio < best:
             best, size = ratio, count
             best_cavity[:count], best_position[:] = cavity[:count], position
-    if tree is not None and remove_vertex(mesh, tree, e, changed, best):
+    if tree is not None and (flip_beside_lone(mesh, tree, e, changed) or remove_vertex(mesh, tree, e, changed, best)):
         return True
     if size == 0:
         return False

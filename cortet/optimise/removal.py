@@ -12,10 +12,10 @@ import numpy as np
 from cortet.geometry.closest_point import closest_point
 from cortet.geometry.topology import TET_FACES
 from cortet.optimise.cavities import MAX_STAR, corner_of, mu2_at, star_of, unit_normal
+from cortet.optimise.swaps import MAX_SAG
 
-#: new faces are within acos(this) of those they replace; the middle of a new edge is within this share of its length of
-#: the surface
-_MIN_FACE_COSINE, _MAX_SAG = 0.7, 0.1
+#: new faces are within acos(this) of those they replace
+_MIN_FACE_COSINE = 0.7
 #: most boundary faces at a vertex: three of each tetrahedron, if all have other labels
 _MAX_FAN = 3 * MAX_STAR
 
@@ -97,7 +97,7 @@ def _is_sound(mesh, tree, star, fan, v, a):  # type: ignore[no-untyped-def]
             mx, my, mz = (points[a] + points[b]) / 2
             px, py, pz, _, _, _, _ = closest_point(tree, mx, my, mz, mesh.on_triangle[v])
             sag2, length2 = (px - mx) ** 2 + (py - my) ** 2 + (pz - mz) ** 2, ((points[a] - points[b]) ** 2).sum()
-            if not nx * ox + ny * oy + nz * oz >= _MIN_FACE_COSINE or sag2 > _MAX_SAG**2 * length2:
+            if not nx * ox + ny * oy + nz * oz >= _MIN_FACE_COSINE or sag2 > MAX_SAG**2 * length2:
                 return False
     first = -1
     for f in star:

@@ -46,7 +46,9 @@ _MIN_FACE_COSINE = 0.5
 #: ... and the middle of the new boundary edge near the input surface: within the first fraction of the edge's length,
 #: or within the second one if an element has mu^2 above _BAD (q = 0.45), since nothing else may mend it. The check of
 #: the whole boundary tells whether a crest that was cut leaves too much behind
-_MAX_SAG, _MAX_SAG_OF_BAD, _BAD = 0.2, 0.35, (1 - 0.45) ** -2
+MAX_SAG, _MAX_SAG_OF_BAD, _BAD = 0.2, 0.35, (1 - 0.45) ** -2
+#: largest mu^2 that a flip beside a lone vertex may leave (q = 0.9)
+_WORST_FLIP = (1 - 0.9) ** -2
 
 
 class Swappable(NamedTuple):
@@ -229,7 +231,7 @@ def _stays_on_surface(points, tree, a, b, first, last, worst, on_triangle):  # t
     sx, sy, sz = lx - fx, ly - fy, lz - fz
     px, py, pz, _, _, _, _ = closest_point(tree, mx, my, mz, on_triangle)
     sag2 = (px - mx) ** 2 + (py - my) ** 2 + (pz - mz) ** 2
-    allowed = _MAX_SAG if worst < _BAD else _MAX_SAG_OF_BAD
+    allowed = MAX_SAG if worst < _BAD else _MAX_SAG_OF_BAD
     return sag2 <= allowed**2 * (sx * sx + sy * sy + sz * sz)
 
 
@@ -327,6 +329,44 @@ def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
     if kind >= 3:
         tally[5] += cut
     return best_size
+
+
+@numba.njit(cache=True, error_model="numpy")
+def flip_beside_lone(mesh, tree, e, changed):  # type: ignore[no-untyped-def]
+    """Flip a boundary edge of tetrahedron e if e alone is at one of its vertices, which then gets a second one.
+
+    Three of its faces are on the boundary, so moving this vertex hardly helps. The flip may make the cavity worse,
+    since its vertices move afterwards. Returns whether one was made, and then sets `changed` for the vertices around.
+    """
+    alone, walls = -1, 0
+    for k in range(4):
+        if mesh.neighbours[e, k] < 0:
+            walls += 1
+        else:
+            alone = mesh.cells[e, k]
+    if walls != 3:
+        return False
+    ring, cavity = np.empty(MAX_RING + 1, np.int32), np.empty(MAX_NEW + MAX_RING, np.int32)
+    best_cavity, best_new, size = cavity.copy(), np.empty((MAX_NEW, 4), np.int32), 0
+    cost, split = np.empty((MAX_RING + 1, MAX_RING + 1)), np.empty((MAX_RING + 1, MAX_RING + 1), np.int64)
+    best = _WORST_FLIP
+    for frame in EDGE_FRAMES:
+        a, b, n, tets = ring_around(mesh, e, frame, ring, cavity)
+        if n < 3 or n == tets or alone in (a, b):
+            continue
+        if mesh.held[a] or mesh.held[b] or mesh.held[ring[0]] or mesh.held[ring[n - 1]]:
+            continue
+        achieved = best_filling(mesh.points, a, b, ring, n, best, cost, split)
+        if achieved < best and _flip_is_sound(mesh, tree, a, b, ring[0], ring[n - 1], cavity, tets, mesh.mu2[e]):
+            best, old = achieved, tets
+            best_cavity[:tets] = cavity[:tets]
+            size = filled_with(a, b, ring, n, split, best_new)
+    if size == 0 or mesh.counters[0] + size > len(mesh.cells):
+        return False
+    for f in best_cavity[:old]:
+        changed[mesh.cells[f]] = True
+    replace_cells(mesh, best_cavity, old, best_new, size)
+    return True
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from cortet.errors import InputError, StageError
-from cortet.formats import FORMATS, Format, format_of, read_mesh
+from cortet.formats import FORMATS, format_of, read_mesh
 from cortet.formats.atomic import atomic_folder, write_json
 from cortet.formats.certificates import is_edited
 from cortet.formats.hashing import mesh_sha256
@@ -18,7 +18,7 @@ from cortet.formats.ownership import final_name, may_write
 from cortet.formats.placement import UNITS
 from cortet.formats.surface_sets import CORTICAL_SURFACE, INTERFACE, MEDIAL_WALL, OUTER_SURFACE, with_surface
 from cortet.geometry.filling import require_body
-from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_surface
+from cortet.geometry.topology import boundary_faces, boundary_nodes, boundary_with_fields
 from cortet.measure.electrodes import ELECTRODE
 from cortet.measure.layers import DEPTH, cortex_and_white
 from cortet.measure.layers import UNITS as LAYER_UNITS
@@ -86,6 +86,7 @@ def export_made(
     path: Path,
     *,
     certificate: Mapping[str, Any],
+    uncertified: bool,
     origin: Origin,
     sets: Mapping[str, Any],
     labels: Mapping[str, Mapping[int, str]],
@@ -100,51 +101,17 @@ def export_made(
     ----------
     mesh : from `stages.solver_ready`, with the values of its volumes
     certificate : content of its certificate.json
+    uncertified : write the mesh even if it is not certified
     arguments : `Config.export_arguments`
     temporary : folder that holds the surfaces that were meshed, and gets the files; all of them move to that of `path`
     """
+    require_certified(mesh, certificate, path, uncertified=uncertified)
     named, sources = with_sets(mesh, surface, origin, sets=sets, labels=labels)
     made_from = origin.made_from(path.parent, temporary) | {"mesh_sha256": certificate["mesh_sha256"]}
     if sets.get("layers") and cortex_and_white(mesh, surface.inner) is not None:
         made_from["layers"] = sets["layers"]
-    return export(
-        named,
-        temporary / path.name if temporary else path,
-        certificate=certificate,
-        frame=surface.frame,
-        sources=sources,
-        made_from=made_from,
-        **arguments,
-    )
-
-
-def export(
-    mesh: TetMesh,
-    path: Path,
-    *,
-    solver: str,
-    certificate: Mapping[str, Any],
-    uncertified: bool = False,
-    unit: str = "um",
-    **about: Any,
-) -> list[str]:
-    """Write `path`, the files that belong to it and its sidecar, complete or not at all.
-
-    Parameters
-    ----------
-    mesh : from `stages.solver_ready`, with its sets (`sets.named_sets`)
-    solver : a key of `formats.FORMATS`
-    certificate : content of the mesh's certificate.json
-    uncertified : write the mesh even if it is not certified
-    unit : unit of the coordinates, ``mm`` or ``um``, for formats that do not state it
-    about : `frame`, `sources` and `made_from`, as `sidecar.sidecar` takes them
-
-    Returns
-    -------
-    which fields and sets the format cannot hold, or not by their names, in words
-    """
-    require_certified(mesh, certificate, path, uncertified=uncertified)
-    return _write_all(mesh, path, FORMATS[solver], unit, final_name(path), about)
+    target = temporary / path.name if temporary else path
+    return export(named, target, **arguments, frame=surface.frame, sources=sources, made_from=made_from)
 
 
 def require_certified(mesh: TetMesh, certificate: Mapping[str, Any], path: Path, *, uncertified: bool) -> None:
@@ -163,40 +130,48 @@ def require_certified(mesh: TetMesh, certificate: Mapping[str, Any], path: Path,
         )
 
 
-def _write_all(mesh: TetMesh, path: Path, form: Format, unit: str, source: Path, about: Mapping[str, Any]) -> list[str]:
-    """Write a mesh, the files that belong to it and its sidecar; returns what its format cannot hold, in words.
+def export(
+    mesh: TetMesh,
+    path: Path,
+    *,
+    solver: str,
+    unit: str = "um",
+    source: Path | None = None,
+    **about: Any,
+) -> list[str]:
+    """Write `path`, the files that belong to it and its sidecar, complete or not at all.
 
-    Raises StageError, which names the file `source`, if the mesh breaks a convention of solvers.
+    Parameters
+    ----------
+    mesh : from `stages.solver_ready`, with its sets (`sets.named_sets`)
+    solver : a key of `formats.FORMATS`
+    unit : unit of the coordinates, ``mm`` or ``um``, for formats that do not state it
+    source : file that an error names; None: that of the mesh
+    about : `frame`, `sources` and `made_from`, as `sidecar.sidecar` takes them
+
+    Returns
+    -------
+    which fields and sets the format cannot hold, or not by their names, in words
+
+    Raises
+    ------
+    StageError : the mesh breaks a convention of solvers
     """
-    mesh, renamed = writable(mesh, form.name)
+    form = FORMATS[solver]
+    mesh, renamed = writable(mesh, solver)
     mesh = with_q(mesh) if form.has_q else mesh
     if broken := broken_conventions(with_surface(mesh)):
-        raise StageError("solvers cannot read this mesh: " + "; ".join(broken), file=source)
+        raise StageError("solvers cannot read this mesh: " + "; ".join(broken), file=source or final_name(path))
     kept = held(mesh, form.holds, groups=form.has_groups)
     may_write(sidecar_path(path))
     # an earlier export of this name may have had other sets
     with atomic_folder(path, replaced=[sidecar_path(path)]) as folder:
-        write(mesh, folder / path.name, solver=form.name, unit=unit, frame=about.get("frame"))
+        form.write(mesh, folder / path.name, unit=unit, frame=about.get("frame"))
         content = boundary_with_fields(kept) if form.is_surface else kept
         stated = unit if form.has_unit else "mm"
-        record = sidecar(content, mesh, solver=form.name, files=sorted(folder.iterdir()), unit=stated, **about)
+        record = sidecar(content, mesh, solver=solver, files=sorted(folder.iterdir()), unit=stated, **about)
         write_json(record, sidecar_path(folder / path.name))
     return [] if form.is_surface else renamed + left_out(mesh, kept)
-
-
-def write(mesh: TetMesh, path: Path, *, solver: str, unit: str = "um", frame: CoordinateFrame | None = None) -> None:
-    """Write a mesh, or its boundary, in one format, without its sidecar."""
-    form = FORMATS[solver]
-    if form.is_surface:
-        form.write(replace(boundary_with_fields(mesh), frame=frame or CoordinateFrame()), path)
-    else:
-        form.write(mesh, path, **({"unit": unit} if form.has_unit else {}))
-
-
-def boundary_with_fields(mesh: TetMesh) -> TriSurface:
-    """The boundary with its fields."""
-    surface, nodes = boundary_surface(mesh)
-    return replace(surface, point_data={name: values[nodes] for name, values in mesh.point_data.items()})
 
 
 def convert(
@@ -223,7 +198,7 @@ def convert(
     InputError : `source` cannot be read as a mesh of a brain in mm, or the certificate beside it fails it, and the name
         of `target` does not end with `_uncertified`
     """
-    written_as, record = format_of(target), read_sidecar(source)
+    form, record = format_of(target), read_sidecar(source)
     done = [f"{source.name} was {CHANGED}"] if changed_since(source) else []
     mesh = _in_mm(source, record, source_unit)
     refuse_failed(mesh, source, target)
@@ -245,7 +220,7 @@ def convert(
         "sources": {name: _source(field) for name, field in fields.items()},
         "made_from": moved(record.get("made_from"), source.parent, target.parent),
     }
-    return done + _write_all(mesh, target, written_as, unit, source, about)
+    return done + export(mesh, target, solver=form.name, unit=unit, source=source, **about)
 
 
 def refuse_failed(mesh: TetMesh, source: Path, target: Path) -> None:

@@ -282,7 +282,7 @@ def settled(config: Config) -> Config:
     return config.model_copy(update={"generate": generate})
 
 
-def certify_record(config: Config, cell_size: float) -> Values:
+def certify_record(config: Config, cell_size: float | None) -> Values:
     """The limits of the certificate of a mesh and the version of its code, as certificates record them."""
     layers = {} if config.export.layers is None else {"layers": config.export.layers}
     return {**config.certify.values(), "cell_size": cell_size, **layers, "version": version_of("measure.certify")}

@@ -60,7 +60,6 @@ REFUSED = [
     ("cohort scan none -o sheet.tsv", 1, "none: no such folder"),
     ("mesh none.surf.gii -o y.vtu", 1, "none.surf.gii: cannot be read"),
     ("mesh ball.surf.gii -o y.obj", 1, "y.obj"),
-    ("mesh ball.surf.gii -o y.vtu --cell-size 0.12345", 1, "generate.cell_size"),
     ("mesh ball.surf.gii -o y.vtu --config none.yaml", 1, "none.yaml: cannot be read"),
     ("mesh ball.surf.gii -o y.vtu --field thickness=none.shape.gii", 1, "none.shape.gii"),
     *((words, 1, "is a folder") for words in ("quality ''", "certify .", "picture '' -o y.png")),

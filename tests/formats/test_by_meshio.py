@@ -20,7 +20,6 @@ from cortet.errors import InputError
 from cortet.formats import FORMATS, braingrowth, carp, read_mesh, vtu
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import TetMesh
-from cortet.solver_files.export import write
 
 CUBE = cube_mesh(2)
 FIELDS = {"depth": np.arange(27.0), "normal": np.arange(81.0).reshape(27, 3)}
@@ -111,7 +110,7 @@ def test_every_form_that_vtk_writes_is_read(tmp_path, name, mode, compressed):
 
 
 def test_groups_of_gmsh_are_read_in_its_newest_version(tmp_path):
-    write(full_mesh(), tmp_path / "m.msh", solver="gmsh")
+    FORMATS["gmsh"].write(full_mesh(), tmp_path / "m.msh")
     gmsh.initialize(argv=[], readConfigFiles=False)
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.open(str(tmp_path / "m.msh"))

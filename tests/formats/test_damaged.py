@@ -149,7 +149,7 @@ def test_a_field_named_as_a_path_writes_nothing_elsewhere(tmp_path):
 )
 def test_a_sidecar_edited_to_another_form_is_named(tmp_path, key, value):
     path = tmp_path / "m.vtu"
-    export(full_mesh(), path, solver="vtu", certificate={"certified": True})
+    export(full_mesh(), path, solver="vtu")
     record = json.loads(sidecar_path(path).read_text())
     sidecar_path(path).write_text(json.dumps({**record, key: value}))
     with pytest.raises(InputError, match=rf"m\.vtu\.json: cannot be read as a sidecar: {key}"):
@@ -158,7 +158,7 @@ def test_a_sidecar_edited_to_another_form_is_named(tmp_path, key, value):
 
 def test_json_nested_deeper_than_python_reads_is_no_sidecar_and_no_certificate(tmp_path):
     path = tmp_path / "m.vtu"
-    export(full_mesh(), path, solver="vtu", certificate={"certified": True})
+    export(full_mesh(), path, solver="vtu")
     certificate_path(path).write_text("[" * 100_000)
     assert cell_size_of(path) is None
     sidecar_path(path).write_text("[" * 100_000)
@@ -205,7 +205,7 @@ def test_pipes_and_devices_are_refused_before_they_are_opened(tmp_path):
 def test_a_json_file_of_another_kind_is_no_sidecar(tmp_path):
     path, other = tmp_path / "m.vtu", tmp_path / "precious.gii"
     other.touch()
-    export(full_mesh(), path, solver="vtu", certificate={"certified": True})
+    export(full_mesh(), path, solver="vtu")
     text = sidecar_path(path).read_text()
     for strange in ("{}", "[]", '{"units": 3}'):
         sidecar_path(path).write_text(strange)
@@ -215,5 +215,5 @@ def test_a_json_file_of_another_kind_is_no_sidecar(tmp_path):
         convert(path, tmp_path / "n.mesh", source_unit="mm")
     record = json.loads(text)
     sidecar_path(path).write_text(json.dumps({**record, "files": {**record["files"], "precious.gii": ""}}))
-    export(full_mesh(), path, solver="vtu", certificate={"certified": True})
+    export(full_mesh(), path, solver="vtu")
     assert other.exists()

@@ -25,7 +25,7 @@ from cortet.formats.tags import face_tags, regions
 from cortet.geometry.topology import boundary_faces, boundary_surface, enclosed_volume
 from cortet.measure.quality import signed_volumes
 from cortet.meshes import REGION, CoordinateFrame, MeshSets, TetMesh
-from cortet.solver_files.export import export, write
+from cortet.solver_files.export import export
 from cortet.solver_files.sets import named_sets
 from cortet.stages.solver_ready import surface_nodes_first
 
@@ -61,7 +61,7 @@ def mesh() -> TetMesh:
 
 def written(mesh: TetMesh, folder: Path, name: str) -> Path:
     path = folder / f"hemi-L_res-0.6mm{FORMATS[name].suffix}"
-    write(mesh, path, solver=name)
+    FORMATS[name].write(mesh, path)
     return path
 
 
@@ -115,7 +115,7 @@ def found_by_cortet(mesh: TetMesh, path: Path, name: str) -> None:
 def test_programs_find_the_boundary_and_its_frame(name, mesh, tmp_path):
     frame = CoordinateFrame("NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_MNI_152", (2, 0, 0, 5, *np.eye(4).ravel()[4:]))
     path, (boundary, nodes) = tmp_path / f"m{FORMATS[name].suffix}", boundary_surface(mesh)
-    write(mesh, path, solver=name, frame=frame)
+    FORMATS[name].write(mesh, path, frame=frame)
     for found in (read(path) for read in READERS[name].values()):
         assert np.allclose(found.points[found.cells], boundary.points[boundary.faces], atol=1e-5)
         if name == "gifti":
@@ -155,7 +155,7 @@ def test_a_file_of_no_format_is_refused_with_what_to_use_instead(of, name, inste
 def test_the_sidecar_and_the_file_have_the_table_of_regions(tmp_path):
     for name in ("vtu", "nastran", "carp", "abaqus", "fenics"):
         path = tmp_path / f"m{FORMATS[name].suffix}"
-        export(model(), path, solver=name, certificate={"certified": True, "reasons": []})
+        export(model(), path, solver=name)
         record = json.loads(path.with_name(f"{path.name}.json").read_text())
         assert record["regions"] == {"cortex": 1, "white": 2}
         assert record["surface"] == {"cortical_surface": 101, "white_interface": 112}

@@ -302,7 +302,7 @@ def test_units(unit, factor):
     assert load({}).placement() is None and placed(surface, None) is surface
 
 
-@pytest.mark.parametrize("shape", ["Inflated", "VeryInflated", "Spherical", "Flat"])
+@pytest.mark.parametrize("shape", ["Inflated", "VeryInflated", "Spherical", "Flat", "Hull"])
 def test_a_surface_that_says_it_is_inflated_is_not_meshed(tmp_path, shape):
     """Its mesh was certified: an inflated surface is as sound as any."""
     image = nibabel.gifti.GiftiImage()

@@ -165,6 +165,7 @@ BAD: dict[str, tuple[Callable[[Path, NDArray[np.int16]], Path], str]] = {
     "cut off": (lambda path, labels: _cut(labels, path, lambda raw: raw[: len(raw) // 2]), "cannot be read"),
     "no type": (lambda path, labels: _cut(labels, path, lambda raw: raw[:70] + b"\x0f\x04" + raw[72:]), "1039"),
     "no place": (lambda path, labels: _without_place(written(path, labels)), "location of its voxels"),
+    "CIFTI": (lambda path, _: _cifti(path), "is a CIFTI file"),
     "a text": (lambda path, _: _damaged(path, lambda _: b"index\tname\n"), "cannot be read"),
 }
 
@@ -180,6 +181,13 @@ def test_a_bad_volume_is_refused(case, tmp_path, labels):
 
 def _damaged(path: Path, change: Callable[[bytes], bytes]) -> Path:
     path.write_bytes(change(path.read_bytes() if path.exists() else b""))
+    return path
+
+
+def _cifti(path: Path) -> Path:
+    values = nibabel.cifti2.SeriesAxis(0.0, 1.0, 1)
+    vertices = nibabel.cifti2.BrainModelAxis.from_surface(np.arange(3), 3, "CIFTI_STRUCTURE_CORTEX_LEFT")
+    nibabel.save(nibabel.Cifti2Image(np.ones((1, 3), np.float32), (values, vertices)), path)
     return path
 
 

@@ -31,12 +31,20 @@ def test_an_edit_of_what_a_kernel_is_made_of_is_another_key(edited, other, tmp_p
     assert (key() != before) == other
 
 
+def test_the_folder_that_numba_is_given_has_kernels_by_their_source_too(tmp_path):
+    """Numba alone would use a stale kernel there, after an edit of what it is made of."""
+    code = "from cortet.measure.quality import _quality as kernel; print(kernel._cache.cache_path)"
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert Path(done.stdout.strip()).parent == tmp_path / "cortet/kernels"
+
+
 def test_without_a_place_for_caches_a_temporary_one_is_used_and_said(tmp_path):
     """As with a home that cannot be written to; jobs of the process inherit the place."""
     code = "import os; from cortet.geometry.kernel_cache import cache_folder; print(cache_folder(), cache_folder(), "
     code += "os.environ['XDG_CACHE_HOME'])"
     environment = {key: value for key, value in os.environ.items() if key != "XDG_CACHE_HOME"}
-    environment |= {"HOME": "/proc/nowhere", "TMPDIR": str(tmp_path)}
+    environment |= {"HOME": "/proc/nowhere", "NUMBA_CACHE_DIR": "/proc/nowhere", "TMPDIR": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     own = tmp_path / f"cortet-{os.getuid()}"
     assert done.stdout.split() == [str(own / "cortet/kernels")] * 2 + [str(own)]

@@ -108,7 +108,7 @@ def meshes(surface: TriSurface, folder: Path) -> Seeds:
     mesh, found = full_mesh(2, side=60.0), Seeds()
     for name, form in FORMATS.items():
         path = folder / name / f"m{form.suffix}"
-        export(mesh, path, solver=name, certificate={"certified": True})
+        export(mesh, path, solver=name)
         if name not in ("braingrowth", "febio"):  # which cortet only writes
             found[name] = (path, read_and_convert)
     found["xdmf_of_meshio"] = (path := placed_in(folder, "xdmf_of_meshio", "m.xdmf"), read_mesh)

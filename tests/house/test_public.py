@@ -47,7 +47,7 @@ def test_the_example_of_a_call_runs(name, folder, tmp_path, monkeypatch):
 
 def test_a_mesh_that_was_saved_is_read_with_what_is_known_of_it(folder, tmp_path):
     made = cortet.read(folder / "x.vtu")
-    assert made.certified and (made.ga, made.hemi) == (28, "L") and made.config.generate.cell_size == [4.0]
+    assert made.certified and (made.ga, made.hemi) == (28, "L") and made.cell_size == 4.0
     assert repr(made).count("\n") == repr(made.certificate).count("\n") == 2
     assert "<table>" in made.certificate._repr_html_()
     made.save(tmp_path / "again.vtu")
@@ -76,6 +76,8 @@ def test_a_mesh_of_another_program_is_improved_and_certified(folder, tmp_path):
     in_memory = cortet.improve(before, progress=False)
     assert np.array_equal(in_memory.points, better.points) and np.array_equal(in_memory.cells, better.cells)
     assert next(iter(in_memory.certificate.parameters)) == "clean"
+    better.page(tmp_path / "better.html")
+    assert "Mesher" not in (tmp_path / "better.html").read_text(), "none of cortet's made it"
 
 
 def test_what_cannot_be_improved_is_refused(folder):

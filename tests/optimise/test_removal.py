@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull, Delaunay
+from shapes import ball_mesh
 
 from cortet.geometry import topology
 from cortet.geometry.closest_point import forest
@@ -67,6 +68,28 @@ def test_a_vertex_stays_where_the_boundary_would_leave_the_surface_or_is_held():
     assert has_peg(removed(mesh, plane(0.5)))
     assert has_peg(removed(mesh, plane(0.0), held=np.arange(6) == 0))
     assert has_peg(removed(mesh, plane(0.0), held=np.arange(6) > 1))
+
+
+def test_a_vertex_with_a_single_tetrahedron_gets_a_second_one_though_that_is_worse_at_first():
+    """As at a sharp tip: three faces of the tetrahedron are on the boundary, so it keeps its shape whatever moves."""
+    base = ball_mesh(2, radius=9.0)
+    corners = base.points[face := topology.boundary_faces(base)[0]]
+    tip = corners.mean(axis=0) * (1 + 0.3 * np.linalg.norm(corners[0] - corners[1]) / 9.0)
+    points, alone = np.vstack([base.points, tip]), len(base.points)
+    mesh = TetMesh(points, positive(points, np.vstack([base.cells, [*face, alone]]).astype(np.int32)))
+    surface = topology.boundary_surface(mesh)[0]
+    mu2 = np.asarray(mu2_of(np.where((mesh.cells == alone).any(axis=1), 0.6, 0.1)))
+
+    def faces_at_tip(held: np.ndarray) -> int:
+        region = np.ones(len(mesh.cells), np.int32)
+        made, _ = insert_vertices(mesh, mu2, region, float(mu2_of(0.5)), tree=forest(surface), held=held)
+        assert (signed_volumes(made.points, made.cells) > 0).all()
+        faces = topology.boundary_faces(made)
+        assert topology.surface_topology(faces).is_closed_manifold
+        return int((faces == alone).any(axis=1).sum())
+
+    assert faces_at_tip(np.arange(len(points)) < 0) == 4
+    assert faces_at_tip(np.arange(len(points)) == alone) == 3
 
 
 def shell(random, radius: float, count: int, squeezed: float) -> np.ndarray:

@@ -15,23 +15,26 @@ from shapes import ball_mesh
 from cortet.api.meshing import tetrahedra
 from cortet.errors import InputError, StageError
 from cortet.formats import FORMATS, carp, read_mesh, vtu
+from cortet.formats.hashing import mesh_sha256
+from cortet.geometry.topology import boundary_surface
 from cortet.measure.quality import quality
 from cortet.meshes import CoordinateFrame, MeshSets
-from cortet.solver_files.export import convert, export
+from cortet.solver_files.export import convert, export, export_made
 from cortet.solver_files.fields import FieldSource
+from cortet.solver_files.meshed import Origin
 from cortet.stages.solver_ready import surface_nodes_first
-
-CERTIFIED = {"certified": True, "reasons": []}
-REFUSED = {"certified": False, "reasons": ["worst q 0.8 must be below 0.6"]}
 
 
 def test_an_uncertified_mesh_is_written_only_on_demand(tmp_path):
-    mesh, _ = surface_nodes_first(ball_mesh())
+    mesh, path = surface_nodes_first(ball_mesh())[0], tmp_path / "ball.mesh"
+    certificate = {"certified": False, "reasons": ["worst q 0.8 must be below 0.6"], "mesh_sha256": mesh_sha256(mesh)}
+    known = {"certificate": certificate, "origin": Origin(), "sets": {}, "labels": {}}
+    known |= {"arguments": {"solver": "braingrowth"}}
     with pytest.raises(StageError, match="worst q 0.8"):
-        export(mesh, tmp_path / "ball.mesh", solver="braingrowth", certificate=REFUSED)
+        export_made(mesh, boundary_surface(mesh)[0], path, uncertified=False, **known)
     assert not list(tmp_path.iterdir())
-    export(mesh, tmp_path / "ball.mesh", solver="braingrowth", certificate=REFUSED, uncertified=True)
-    assert (tmp_path / "ball.mesh").exists()
+    export_made(mesh, boundary_surface(mesh)[0], path, uncertified=True, **known)
+    assert path.exists()
 
 
 def test_the_sidecar_says_what_is_in_the_file_and_where_it_came_from(tmp_path):
@@ -43,7 +46,7 @@ def test_the_sidecar_says_what_is_in_the_file_and_where_it_came_from(tmp_path):
     }
     frame = CoordinateFrame("NIFTI_XFORM_SCANNER_ANAT", "NIFTI_XFORM_TALAIRACH")
     mesh, path = full_mesh(), tmp_path / "m.pts"
-    export(mesh, path, solver="carp", certificate=CERTIFIED, unit="um", frame=frame, sources=sources)
+    export(mesh, path, solver="carp", unit="um", frame=frame, sources=sources)
     record = json.loads((tmp_path / "m.pts.json").read_text())
     assert record["format"] == "carp" and record["units"] == {"coordinates": "um"}
     assert record["coordinate_system"]["dataspace"] == "NIFTI_XFORM_SCANNER_ANAT"
@@ -60,9 +63,9 @@ def test_the_sidecar_says_what_is_in_the_file_and_where_it_came_from(tmp_path):
 
 def test_an_export_replaces_all_files_of_an_earlier_one(tmp_path):
     path = tmp_path / "m.pts"
-    export(full_mesh(), path, solver="carp", certificate=CERTIFIED)
+    export(full_mesh(), path, solver="carp")
     assert (tmp_path / "m.area_V1.vtx").exists() and (tmp_path / "m.thickness.dat").exists()
-    export(surface_nodes_first(ball_mesh())[0], path, solver="carp", certificate=CERTIFIED)
+    export(surface_nodes_first(ball_mesh())[0], path, solver="carp")
     assert sorted(file.name for file in tmp_path.iterdir()) == [
         "m.elem",
         "m.lon",
@@ -90,7 +93,7 @@ def test_every_format_is_made_of_another_and_what_it_lacks_is_told(tmp_path, tar
     sources = {"thickness": FieldSource("thickness.shape.gii", "0" * 64, "mm", "scalar", {})}
     mesh = full_mesh()
     mesh = replace(mesh, cell_data={**mesh.cell_data, "stiffness": np.ones(len(mesh.cells))})
-    export(mesh, source, solver="fenics", certificate=CERTIFIED, frame=frame, sources=sources)
+    export(mesh, source, solver="fenics", frame=frame, sources=sources)
     path = tmp_path / f"n{FORMATS[target].suffix}"
     lacking = {
         "braingrowth": ["fields of the nodes", "sets of tetrahedra", "stiffness"],

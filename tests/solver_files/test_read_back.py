@@ -18,7 +18,6 @@ from cortet.solver_files.export import convert, export
 from cortet.solver_files.sets import tagged
 from cortet.solver_files.sidecar import CHANGED, changed_since
 
-CERTIFIED = {"certified": True, "reasons": []}
 #: formats that cortet reads
 READ = ["vtu", "abaqus", "fenics", "gmsh", "nastran", "carp"]
 
@@ -47,7 +46,7 @@ def test_numbers_of_regions_do_not_wrap_and_those_that_no_format_holds_are_refus
         with pytest.raises(InputError, match=f"{number}"):
             region_numbers(replace(mesh, cell_data={REGION: np.where(half, number, 1)}))
     largest = replace(mesh, cell_data={"tissue": np.where(half, 10**7 - 2, 1)})
-    export(tagged(largest, "tissue"), tmp_path / "m.bdf", solver="nastran", certificate=CERTIFIED)
+    export(tagged(largest, "tissue"), tmp_path / "m.bdf", solver="nastran")
     assert np.unique(read_mesh(tmp_path / "m.bdf").cell_data[REGION]).tolist() == [1, 10**7 - 2]
 
 
@@ -57,7 +56,7 @@ def test_a_field_of_any_numbers_is_written_or_refused_by_name(name, tmp_path):
     n = len(mesh.points)
     fields = {"flag": np.arange(n) % 2 == 0, "half": (np.arange(n) / 8).astype(np.float16)}
     fields |= {"tensor": mesh.points[:, :, None] * mesh.points[:, None, :], "long": np.arange(n).astype(np.longdouble)}
-    export(replace(mesh, point_data=fields), path, solver=name, certificate=CERTIFIED)
+    export(replace(mesh, point_data=fields), path, solver=name)
     kept = compact(mesh.points, boundary_faces(mesh))[2] if FORMATS[name].is_surface else np.arange(n)
     for found in (read(path).fields for read in READERS[name].values()):
         columns = {"tensor": [f"tensor_{one}" for one in range(1, 10)]} if "tensor_1" in found else {}
@@ -67,10 +66,10 @@ def test_a_field_of_any_numbers_is_written_or_refused_by_name(name, tmp_path):
             assert np.allclose(read.reshape(len(kept), -1), whole, rtol=1e-6)
     for wrong in (np.full(n, 1j), np.full(n, "x"), np.empty((n, 0))):
         with pytest.raises(InputError, match=rf"wave.*{wrong.dtype}"):
-            export(replace(mesh, point_data={"wave": wrong}), path, solver=name, certificate=CERTIFIED)
+            export(replace(mesh, point_data={"wave": wrong}), path, solver=name)
     if name == "abaqus":
         with pytest.raises(InputError, match="label.*8589934592"):
-            export(replace(mesh, point_data={"label": np.full(n, 2**33)}), path, solver=name, certificate=CERTIFIED)
+            export(replace(mesh, point_data={"label": np.full(n, 2**33)}), path, solver=name)
 
 
 @pytest.mark.parametrize("name", READ)
@@ -80,7 +79,7 @@ def test_a_name_of_any_letters_is_kept_or_its_change_is_said(name, called, tmp_p
     some = np.arange(5, dtype=np.int32)
     cells = {called if one == "white" else one: part for one, part in mesh.sets.cells.items()}
     sets = replace(mesh.sets, nodes={called: some}, cells=cells)
-    told = export(replace(mesh, sets=sets), path, solver=name, certificate=CERTIFIED)
+    told = export(replace(mesh, sets=sets), path, solver=name)
     back = read_mesh(path)
     now = next((line.removeprefix(f"{called} was renamed to ") for line in told if "was renamed to" in line), called)
     assert now in regions(back)
@@ -89,13 +88,13 @@ def test_a_name_of_any_letters_is_kept_or_its_change_is_said(name, called, tmp_p
 
 @pytest.mark.parametrize("what", ["edited", "deleted", "renamed and edited", "renamed", "as it was"])
 def test_an_export_that_lost_a_companion_or_was_edited_is_said(what, tmp_path):
-    export(model(), path := tmp_path / "m.pts", solver="carp", certificate=CERTIFIED)
+    export(model(), path := tmp_path / "m.pts", solver="carp")
     if what == "deleted":
         (tmp_path / "m.regions.tsv").unlink()
     if what == "edited":
         (tmp_path / "m.regions.tsv").write_text("tag\tname\n1\twhite\n2\tcortex\n")
     if "renamed" in what:
-        export(model(), path := tmp_path / "m2.vtu", solver="vtu", certificate=CERTIFIED)
+        export(model(), path := tmp_path / "m2.vtu", solver="vtu")
         (tmp_path / "m2.vtu.json").rename(tmp_path / "n.vtu.json")
         path = path.rename(tmp_path / "n.vtu")
     if what == "renamed and edited":
