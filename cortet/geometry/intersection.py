@@ -14,7 +14,7 @@ from cortet.geometry.remembering import once_per_object
 from cortet.meshes import IntArray, TriSurface
 
 _STACK_SIZE = 64
-#: triangles per block; a thread takes whole blocks
+#: boxes per block; a thread takes whole blocks
 _BLOCK = 64
 #: sine of the angle below which a vertex is in the plane of a triangle: well above rounding, well below any shape
 _FLAT = 1e-12
@@ -48,7 +48,7 @@ def _crossing(vertices, corners, boxes, child, size):  # type: ignore[no-untyped
         if not size[box]:
             end[box] = end[child[box] + 1]
     # threads may flag the same triangle; flags are only ever raised, so their order does not matter
-    for block in numba.prange((m + _BLOCK - 1) // _BLOCK):
+    for block in numba.prange((len(boxes) + _BLOCK - 1) // _BLOCK):
         _flag_block(block, vertices, corners, boxes, child, size, end, flagged)
     return flagged
 
@@ -56,37 +56,43 @@ def _crossing(vertices, corners, boxes, child, size):  # type: ignore[no-untyped
 @numba.njit(cache=True, error_model="numpy")
 def _flag_block(block, vertices, corners, boxes, child, size, end, flagged):  # type: ignore[no-untyped-def]
     stack = np.empty(_STACK_SIZE, np.int64)
-    low, high = np.empty(3), np.empty(3)
-    for i in range(block * _BLOCK, min(len(corners), (block + 1) * _BLOCK)):
-        for k in range(3):
-            low[k] = min(corners[i, k], corners[i, k + 3], corners[i, k + 6])
-            high[k] = max(corners[i, k], corners[i, k + 3], corners[i, k + 6])
+    for leaf in range(block * _BLOCK, min(len(boxes), (block + 1) * _BLOCK)):
         stack[0] = 0
-        top = 1
+        top = 1 if size[leaf] else 0
         while top:
             top -= 1
             box = stack[top]
-            if end[box] <= i + 1 or not _overlap(boxes[box], low, high):
+            if end[box] <= child[leaf] or not _overlap(boxes, box, leaf):
                 continue
-            if size[box]:
-                for j in range(max(child[box], i + 1), end[box]):
-                    if not (flagged[i] and flagged[j]) and _meet(vertices[i], vertices[j], corners[i], corners[j]):
-                        flagged[i] = flagged[j] = True
-            else:
+            if not size[box]:
                 stack[top], stack[top + 1] = child[box], child[box] + 1
                 top += 2
+                continue
+            for i in range(child[leaf], end[leaf]):
+                for j in range(max(child[box], i + 1), end[box]):
+                    if (flagged[i] and flagged[j]) or not _are_near(corners, i, j):
+                        continue
+                    if _meet(vertices[i], vertices[j], corners[i], corners[j]):
+                        flagged[i] = flagged[j] = True
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
-def _overlap(box, low, high):  # type: ignore[no-untyped-def]
-    return (
-        box[0] <= high[0]
-        and box[1] <= high[1]
-        and box[2] <= high[2]
-        and box[3] >= low[0]
-        and box[4] >= low[1]
-        and box[5] >= low[2]
-    )
+def _overlap(boxes, one, other):  # type: ignore[no-untyped-def]
+    for k in range(3):
+        if boxes[one, k] > boxes[other, k + 3] or boxes[other, k] > boxes[one, k + 3]:
+            return False
+    return True
+
+
+@numba.njit(cache=True, error_model="numpy", inline="always")
+def _are_near(c, i, j):  # type: ignore[no-untyped-def]
+    """Whether the boxes of two triangles overlap."""
+    for k in range(3):
+        if min(c[i, k], c[i, k + 3], c[i, k + 6]) > max(c[j, k], c[j, k + 3], c[j, k + 6]):
+            return False
+        if min(c[j, k], c[j, k + 3], c[j, k + 6]) > max(c[i, k], c[i, k + 3], c[i, k + 6]):
+            return False
+    return True
 
 
 @numba.njit(cache=True, error_model="numpy")
