@@ -17,7 +17,7 @@ from cortet.meshes import TetMesh, TriSurface
 from cortet.optimise.reconnection import reconnected
 from cortet.optimise.soundness import require_sound
 
-VERSION: int = 19
+VERSION: int = 20
 
 
 @dataclass(frozen=True)
