@@ -43,7 +43,7 @@ _FIRST_SWAPS = 0.18
 #: powers of the first round, in which vertices move far; later rounds must not lose what it reached
 _FIRST_POWERS = (8, 16, 32)
 #: searches around the worst tetrahedra
-_MOST_SEARCHES = 10
+_MOST_SEARCHES = 8
 #: a threshold is reached if q exceeds it by at most this factor
 _REACHED = 1.001
 #: rounds of insertions after everything else
@@ -111,7 +111,7 @@ def reconnected(
     if insert:
         result, found, last = _mended_inside(result, tree, threshold)
         inserted, counts = inserted + found, counts + last
-        result, found = _searched_while_it_helps(result, surface, followed, threshold, boundary, cell_size)
+        result, found = _searched_repeatedly(result, surface, followed, threshold, boundary, cell_size)
         inserted += found
     total = [sum(values) for values in zip(*counts, *swaps, strict=True)]
     attempts, edges, faces, flips, peeled = map(int, total[:-1])
@@ -141,7 +141,7 @@ def _mended_inside(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[
     return mesh, inserted, counts
 
 
-def _searched_while_it_helps(
+def _searched_repeatedly(
     mesh: TetMesh,
     surface: TriSurface,
     followed: TriSurface | None,
