@@ -16,9 +16,9 @@ from cortet.meshes import OUTERMOST
 _REPAIRED, _NEW, _EXCHANGED = 0.005, 0.01, 0.05
 #: the part of the cortex without layers is worth a remark from this share of its volume on
 _UNLAYERED = 0.05
-#: elements across the cortex below which its bending is too stiff, and how many times the tetrahedra they need: 3.5
-#: in newborns with cells of 1 mm, 7 in even cortex of 0.8 h
-_ACROSS, _COST = 2, "three to seven"
+#: elements across the cortex below which its bending is too stiff, and how many times the tetrahedra they need: 3.1 to
+#: 3.9 in newborns with cells of 1 mm, 7.0 in even cortex of 0.8 h; 8 if every edge is halved
+_ACROSS, _COST = 2, "three to eight"
 
 
 def remarks(

@@ -42,9 +42,8 @@ _FEW = 2e-4
 _FIRST_SWAPS = 0.18
 #: powers of the first round, in which vertices move far; later rounds must not lose what it reached
 _FIRST_POWERS = (8, 16, 32)
-#: searches around the worst tetrahedra. After three, another one follows only if the worst q fell by the second of
-#: these numbers, or the sum of what is above the threshold fell below this share
-_MOST_SEARCHES, _LEAST_FALL, _LEAST_SHARE = 8, 2e-3, 0.9
+#: searches around the worst tetrahedra
+_MOST_SEARCHES = 8
 #: a threshold is reached if q exceeds it by at most this factor
 _REACHED = 1.001
 #: rounds of insertions after everything else
@@ -52,12 +51,13 @@ _LAST_ROUNDS = 4
 _SWEEPS, _MEAN_SWEEPS = 12, 4
 #: stages of a search around what is left: by how much an insertion may make a pocket worse at first, and rounds
 _GAINS = ((MIN_GAIN, 2), (1.25, 4), (1.6, 4))
-#: a search is around so many of the worst tetrahedra, or this share of those above the threshold if that is more: with
-#: more, pockets join, and one that is too large is given up
-_SOUGHT, _SOUGHT_SHARE = 40, 0.03
+#: a search is around so many of the worst tetrahedra, or this share of those above the threshold if that is more, and
+#: around those that the last one left: with more, pockets join, and one that is too large is given up
+_SOUGHT, _SOUGHT_SHARE = 30, 0.025
 #: a pocket with more bad tetrahedra than this is given up for this series of powers
 _MOST_HOPE = 100
-#: two series of powers; neither is always better: at 64, the good tetrahedra of a tight pocket hold the worst back
+#: two series of powers, from pockets that were relaxed first and from those that were not; neither is always better: at
+#: 64, the good tetrahedra of a tight pocket hold the worst back, and what one way leaves, it would leave again
 _SEARCH_POWERS, _SEARCH_SWEEPS = ((8, 16, 32, 64), (8, 32, 128, 256)), 25
 #: vertices move from this share of the threshold on: the worst improve only if those around them give way
 _GIVING_WAY = 0.85
@@ -111,7 +111,7 @@ def reconnected(
     if insert:
         result, found, last = _mended_inside(result, tree, threshold)
         inserted, counts = inserted + found, counts + last
-        result, found = _searched_while_it_helps(result, surface, followed, threshold, boundary, cell_size)
+        result, found = _searched_repeatedly(result, surface, followed, threshold, boundary, cell_size)
         inserted += found
     total = [sum(values) for values in zip(*counts, *swaps, strict=True)]
     attempts, edges, faces, flips, peeled = map(int, total[:-1])
@@ -141,7 +141,7 @@ def _mended_inside(mesh: TetMesh, tree: SurfaceTree, threshold: float) -> tuple[
     return mesh, inserted, counts
 
 
-def _searched_while_it_helps(
+def _searched_repeatedly(
     mesh: TetMesh,
     surface: TriSurface,
     followed: TriSurface | None,
@@ -149,18 +149,23 @@ def _searched_while_it_helps(
     boundary: Boundary,
     cell_size: float | None,
 ) -> tuple[TetMesh, int]:
-    """Search until no tetrahedron is above `threshold`, or a search hardly helps; also return the vertices inserted."""
-    inserted, worst, excess = 0, np.inf, np.inf
-    for number in range(_MOST_SEARCHES):
+    """Search until no tetrahedron is above `threshold`, or often enough; also return the number of vertices inserted.
+
+    What a search leaves is sought again with others around it, but does not keep the next search from going on.
+    """
+    inserted, left = 0, 0
+    for _ in range(_MOST_SEARCHES):
         q = quality(mesh.points, mesh.cells)
-        left = float(np.maximum(q - threshold, 0).sum())
-        helps = number < 3 or q.max() < worst - _LEAST_FALL or left < _LEAST_SHARE * excess
-        if q.max() <= _REACHED * threshold or not helps:
+        if q.max() <= _REACHED * threshold:
             break
-        worst, excess = float(q.max()), left
+        worst = np.sort(q[q > threshold])
+        sought = left + max(_SOUGHT, int(_SOUGHT_SHARE * len(worst)))
+        aim = float(worst[-sought - 1]) if len(worst) > sought else threshold
         flaws_of = flaws_since(mesh, followed, cell_size)
-        mesh, found = searched(mesh, flaws_of, surface, threshold, boundary, later=number > 0)
-        inserted += found
+        mesh, found = searched(mesh, flaws_of, surface, aim, threshold, boundary)
+        inserted, left = inserted + found, int(np.count_nonzero(quality(mesh.points, mesh.cells) > aim))
+        if aim == threshold and left >= len(worst):
+            break
     return mesh, inserted
 
 
@@ -168,32 +173,24 @@ def searched(
     mesh: TetMesh,
     flaws_of: Callable[[TetMesh], Flaws],
     surface: TriSurface,
+    aim: float,
     threshold: float,
     boundary: Boundary,
-    *,
-    later: bool = False,
 ) -> tuple[TetMesh, int]:
-    """Search around the worst tetrahedra, in pockets cut out of the mesh.
+    """Search around the tetrahedra with q above the `aim`, in pockets cut out of the mesh.
 
     Also returns the number of vertices inserted. An insertion may make a pocket worse before it makes it better. If the
     boundary may slide, its vertices may be removed, too. A pocket whose boundary is spoilt goes back to its earlier
-    state, and is tried again with vertices held. What a search leaves, another one would leave again, so a `later` one
-    relaxes the pockets first.
+    state, and is tried again with vertices held.
     """
-    q = quality(mesh.points, mesh.cells)
-    worst = np.sort(q[q > threshold])
-    sought = max(_SOUGHT, int(_SOUGHT_SHARE * len(worst)))
-    aim = float(worst[-sought - 1]) if len(worst) > sought else threshold
-    bad = q > aim
-    if not bad.any():
-        return mesh, 0
+    bad = quality(mesh.points, mesh.cells) > aim
     logger.info("%d tetrahedra above q = %g: searching around them", np.count_nonzero(bad), aim)
     part = cut_out(mesh, bad)
     best, held = part.mesh, np.zeros(0, np.int32)
     again = np.ones(len(best.cells), np.bool_)
     for _ in range(_SEARCHES):
         stiffer = part._replace(rim=np.union1d(part.rim, numbers_in(part, held)).astype(np.int32))
-        found = _best_tries(only(best, again), stiffer, surface, aim, boundary, relax=later, allowed=threshold)
+        found = _best_tries(only(best, again), stiffer, surface, aim, boundary, allowed=threshold)
         tried = better_of_each(best, found, threshold)
         if tried is best:
             break
@@ -217,7 +214,6 @@ def _best_tries(
     threshold: float,
     boundary: Boundary,
     *,
-    relax: bool,
     allowed: float,
 ) -> TetMesh:
     """The best state of each pocket of a `part`: at the `start`, or after the search with one of the two series.
@@ -225,7 +221,7 @@ def _best_tries(
     Only what the first series leaves above `threshold` gets the second. A state is better if less is above `allowed`.
     """
     best = start
-    for powers in _SEARCH_POWERS:
+    for relax, powers in zip((True, False), _SEARCH_POWERS, strict=True):
         aims = [Pass(_GIVING_WAY * threshold, power, _SEARCH_SWEEPS, crests=True) for power in powers]
         found = _best_of_series(start, part, surface, threshold, aims, boundary, relax=relax, allowed=allowed)
         best = better_of_each(best, found, allowed)

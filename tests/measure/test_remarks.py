@@ -98,6 +98,6 @@ def test_a_cortex_of_one_element_is_told_what_two_cost():
     )
     (told,) = one.certificate.remarks
     assert told.startswith("the cortex has 1 element across (median), too few for mechanics; 0.7 mm is small enough")
-    assert "regions.elements_across: 2, for three to seven times the tetrahedra" in told
+    assert "regions.elements_across: 2, for three to eight times the tetrahedra" in told
     assert two.certificate.remarks == ()
-    assert 3 <= round(two.certificate.quality.tets / one.certificate.quality.tets) <= 7
+    assert 3 <= two.certificate.quality.tets / one.certificate.quality.tets <= 8
