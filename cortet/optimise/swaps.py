@@ -404,5 +404,4 @@ def improve(mesh: Swappable, tree: SurfaceTree, threshold: float) -> SwapCount:
     tally = np.zeros(6)
     bad = np.flatnonzero(mesh.mu2[: mesh.counters[0]] > threshold).astype(np.int32)
     _improve(mesh, tree, bad[np.argsort(-mesh.mu2[bad], kind="stable")], threshold, tally)
-    attempts, edges, faces, flips, peeled = (int(number) for number in tally[:5])
-    return SwapCount(attempts, edges, faces, flips, peeled, float(tally[5]))
+    return SwapCount._make([*map(int, tally[:5]), float(tally[5])])
