@@ -70,7 +70,7 @@ def _flag_block(block, vertices, corners, boxes, child, size, end, flagged):  # 
                 continue
             for i in range(child[leaf], end[leaf]):
                 for j in range(max(child[box], i + 1), end[box]):
-                    if (flagged[i] and flagged[j]) or not _are_near(corners, i, j):
+                    if (flagged[i] and flagged[j]) or not _boxes_overlap(corners, i, j):
                         continue
                     if _meet(vertices[i], vertices[j], corners[i], corners[j]):
                         flagged[i] = flagged[j] = True
@@ -78,21 +78,19 @@ def _flag_block(block, vertices, corners, boxes, child, size, end, flagged):  # 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
 def _overlap(boxes, one, other):  # type: ignore[no-untyped-def]
+    apart = False
     for k in range(3):
-        if boxes[one, k] > boxes[other, k + 3] or boxes[other, k] > boxes[one, k + 3]:
-            return False
-    return True
+        apart |= boxes[one, k] > boxes[other, k + 3] or boxes[other, k] > boxes[one, k + 3]
+    return not apart
 
 
 @numba.njit(cache=True, error_model="numpy", inline="always")
-def _are_near(c, i, j):  # type: ignore[no-untyped-def]
-    """Whether the boxes of two triangles overlap."""
+def _boxes_overlap(c, i, j):  # type: ignore[no-untyped-def]
+    apart = False
     for k in range(3):
-        if min(c[i, k], c[i, k + 3], c[i, k + 6]) > max(c[j, k], c[j, k + 3], c[j, k + 6]):
-            return False
-        if min(c[j, k], c[j, k + 3], c[j, k + 6]) > max(c[i, k], c[i, k + 3], c[i, k + 6]):
-            return False
-    return True
+        apart |= min(c[i, k], c[i, k + 3], c[i, k + 6]) > max(c[j, k], c[j, k + 3], c[j, k + 6])
+        apart |= min(c[j, k], c[j, k + 3], c[j, k + 6]) > max(c[i, k], c[i, k + 3], c[i, k + 6])
+    return not apart
 
 
 @numba.njit(cache=True, error_model="numpy")

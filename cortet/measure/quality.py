@@ -6,9 +6,7 @@ mean square of the six edge lengths). All functions take `points` (n, 3) float64
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import wraps
 from typing import NamedTuple
 
 import numba
@@ -24,23 +22,6 @@ VERSION: int = 2
 _P_WAVE_MODULUS, _DENSITY = 5 + 4 / 3, 0.01
 
 
-#: tetrahedra measured at a time, so that their temporary arrays stay in the processor's cache
-_BLOCK = 1 << 14
-
-
-def _in_blocks(measure: Callable[[FloatArray, IntArray], FloatArray]) -> Callable[[FloatArray, IntArray], FloatArray]:
-    """The same measure, computed block by block."""
-
-    @wraps(measure)
-    def in_blocks(points: FloatArray, cells: IntArray) -> FloatArray:
-        if len(cells) <= _BLOCK:
-            return measure(points, cells)
-        return np.concatenate([measure(points, cells[at : at + _BLOCK]) for at in range(0, len(cells), _BLOCK)])
-
-    return in_blocks
-
-
-@_in_blocks
 def edge_lengths(points: FloatArray, cells: IntArray) -> FloatArray:
     """The six edge lengths, in the order of `topology.TET_EDGES`: (m, 6) mm."""
     ends = points[cells[:, TET_EDGES]]
@@ -101,7 +82,6 @@ def _quality(points, cells):  # type: ignore[no-untyped-def]
     return q
 
 
-@_in_blocks
 def circumradii(points: FloatArray, cells: IntArray) -> FloatArray:
     """Radius of the circumscribed sphere: (m,) mm; infinite or NaN for a flat element."""
     u, v, w = (points[cells[:, i]] - points[cells[:, 0]] for i in (1, 2, 3))
@@ -191,7 +171,6 @@ def _measures(points, cells):  # type: ignore[no-untyped-def]
     return table
 
 
-@_in_blocks
 def dihedral_angles(points: FloatArray, cells: IntArray) -> FloatArray:
     """Interior angle between the two faces along each edge, in the order of `topology.TET_EDGES`: (m, 6) degrees."""
     corners = points[cells]

@@ -39,6 +39,9 @@ from cortet.optimise.cavities import (
     unit_normal,
 )
 
+#: below this mu^2 (q = 0.29), a tetrahedron tries only the cavities of which it is the worst: in others, the worst has
+#: tried already. Bad ones try all, since there may be another way once something around has changed
+_ANY_CAVITY = (1 - 0.29) ** -2
 #: the worst mu^2 of a cavity must fall by this factor
 _MIN_GAIN = 0.999
 #: a boundary move keeps new boundary faces within acos(this) of the ones they replace ...
@@ -237,16 +240,17 @@ def _stays_on_surface(points, tree, a, b, first, last, worst, on_triangle):  # t
 
 @numba.njit(cache=True, error_model="numpy")
 def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
-    """Make the best swap where tetrahedron e is the worst one; return the number of new tetrahedra, -1 for none.
+    """Try every swap of one tetrahedron and make the best one; return the number of new tetrahedra, -1 for none.
 
-    In another cavity, the worst one has its turn earlier. `tally` counts attempts, edge removals, face removals, flips,
-    peels and the volume cut. `work` holds scratch arrays; the first one lists the new tetrahedra.
+    `tally` counts attempts, edge removals, face removals, flips, peels and the volume cut. `work` holds scratch arrays;
+    the first one lists the new tetrahedra.
     """
     cavity, ring, cost, split, new, best_new = work
     points, cells = mesh.points, mesh.cells
     best_ratio, kind, best_size, best_old, best_other = _MIN_GAIN, 0, 0, 0, 0
     best_cavity = np.empty(MAX_RING, np.int32)
     cut = 0.0
+    most = mesh.mu2[e] if mesh.mu2[e] < _ANY_CAVITY else np.inf
     for k in range(6):
         tally[0] += 1
         a, b, n, tets = ring_around(mesh, e, EDGE_FRAMES[k], ring, cavity)
@@ -257,7 +261,7 @@ def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
             worst = 0.0
             for i in range(tets):
                 worst = max(worst, mesh.mu2[cavity[i]])
-            if worst > mesh.mu2[e]:
+            if worst > most:
                 continue
             achieved = best_filling(points, a, b, ring, first + 1, worst, cost, split)
             if not achieved < best_ratio * worst:
@@ -280,7 +284,7 @@ def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
         worst = 0.0
         for i in range(tets):
             worst = max(worst, mesh.mu2[cavity[i]])
-        if worst > mesh.mu2[e]:
+        if worst > most:
             continue
         achieved = best_filling(points, a, b, ring, n, best_ratio * worst, cost, split) if n > 2 else 0.0
         # a peeled tetrahedron leaves nothing that could be worse, so any swap that keeps the boundary is preferred
@@ -295,7 +299,7 @@ def _improve_cell(mesh, tree, e, tally, work):  # type: ignore[no-untyped-def]
             cut = 0.0 if n == tets else signed_volume(points, a, b, ring[0], ring[n - 1])
     for k in range(4):
         f = mesh.neighbours[e, k]
-        if f < 0 or mesh.region[f] != mesh.region[e] or mesh.mu2[f] > mesh.mu2[e]:
+        if f < 0 or mesh.region[f] != mesh.region[e] or mesh.mu2[f] > most:
             continue
         tally[0] += 1
         a, b, c = cells[e, TET_FACES[k, 0]], cells[e, TET_FACES[k, 1]], cells[e, TET_FACES[k, 2]]
@@ -400,5 +404,4 @@ def improve(mesh: Swappable, tree: SurfaceTree, threshold: float) -> SwapCount:
     tally = np.zeros(6)
     bad = np.flatnonzero(mesh.mu2[: mesh.counters[0]] > threshold).astype(np.int32)
     _improve(mesh, tree, bad[np.argsort(-mesh.mu2[bad], kind="stable")], threshold, tally)
-    attempts, edges, faces, flips, peeled = (int(number) for number in tally[:5])
-    return SwapCount(attempts, edges, faces, flips, peeled, float(tally[5]))
+    return SwapCount._make([*map(int, tally[:5]), float(tally[5])])

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from cubes import cube_mesh
 
 from cortet.measure import quality
 from cortet.meshes import TetMesh
@@ -93,11 +92,3 @@ def test_summary_of_two_tetrahedra():
     assert found.q.max == pytest.approx(0.0705, abs=5e-5)
     assert found.count_above == dict.fromkeys(("0.3", "0.4", "0.5", "0.6"), 0)
     assert (found.shortest_edge_mm, found.longest_edge_mm) == pytest.approx((3**0.5, 8**0.5))
-
-
-@pytest.mark.parametrize("measure", [quality.signed_volumes, quality.dihedral_angles, quality.edge_lengths])
-def test_a_mesh_is_measured_alike_in_blocks_and_at_once(measure, monkeypatch):
-    mesh = cube_mesh(4)
-    at_once = measure(mesh.points, mesh.cells)
-    monkeypatch.setattr(quality, "_BLOCK", 7)
-    assert np.array_equal(measure(mesh.points, mesh.cells), at_once)
