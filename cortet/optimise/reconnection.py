@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -59,6 +59,8 @@ _MOST_HOPE = 100
 #: two series of powers, from pockets that were relaxed first and from those that were not; neither is always better: at
 #: 64, the good tetrahedra of a tight pocket hold the worst back, and what one way leaves, it would leave again
 _SEARCH_POWERS, _SEARCH_SWEEPS = ((8, 16, 32, 64), (8, 32, 128, 256)), 25
+#: aim of a pocket that both series leave, over its worst q
+_OWN_AIM = 0.99
 #: vertices move from this share of the threshold on: the worst improve only if those around them give way
 _GIVING_WAY = 0.85
 #: tries: one for all pockets, the rest for the pockets whose boundary a try spoilt
@@ -218,14 +220,23 @@ def _best_tries(
 ) -> TetMesh:
     """The best state of each pocket of a `part`: at the `start`, or after the search with one of the two series.
 
-    Only what the first series leaves above `threshold` gets the second. A state is better if less is above `allowed`.
+    Only what the first series leaves above `threshold` gets the second, and each pocket that this leaves gets the first
+    again, with an aim just below its own worst. A state is better if less is above `allowed`.
     """
     best = start
     for relax, powers in zip((True, False), _SEARCH_POWERS, strict=True):
-        aims = [Pass(_GIVING_WAY * threshold, power, _SEARCH_SWEEPS, crests=True) for power in powers]
-        found = _best_of_series(start, part, surface, threshold, aims, boundary, relax=relax, allowed=allowed)
+        found = _best_of_series(start, part, surface, threshold, powers, boundary, relax=relax, allowed=allowed)
         best = better_of_each(best, found, allowed)
         start = only(start, bad_in_each(best, threshold) > 0)
+    left = bad_in_each(start, threshold)
+    for pocket in np.flatnonzero(left):
+        alone = only(start, np.arange(len(left)) == pocket)
+        own = _OWN_AIM * float(quality(alone.points, alone.cells).max())
+        if own > threshold:
+            found = _best_of_series(
+                alone, part, surface, own, _SEARCH_POWERS[0], boundary, relax=False, allowed=allowed
+            )
+            best = better_of_each(best, found, allowed)
     mean = _mean_moves(allowed)
     return move_vertices(best, forest(surface), mean, boundary=boundary, held=rim_of(part, best))[0]
 
@@ -235,13 +246,14 @@ def _best_of_series(
     part: Part,
     surface: TriSurface,
     threshold: float,
-    aims: list[Pass],
+    powers: Sequence[int],
     boundary: Boundary,
     *,
     relax: bool,
     allowed: float,
 ) -> TetMesh:
     best = start
+    aims = [Pass(_GIVING_WAY * threshold, power, _SEARCH_SWEEPS, crests=True) for power in powers]
     for gain, rounds in _GAINS:
         trial = best
         for number in range(rounds):
