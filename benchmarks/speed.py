@@ -180,7 +180,6 @@ from cortet.formats import FORMATS
 from cortet.phantoms import phantom
 from cortet.pipeline import run
 from cortet.stages.stage import About, State
-from cortet.solver_files.export import write
 from cortet.solver_files.sets import named_sets
 
 cell_size, folder = float(sys.argv[1]), Path(sys.argv[2])
