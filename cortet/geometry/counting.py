@@ -30,14 +30,14 @@ def behind_faces(cells, faces, vertex_count):  # type: ignore[no-untyped-def]
     for e in range(m):
         for k in range(4):
             low, middle, high = _sorted(cells, faces, e, k)
-            one = 4 * low + (middle + high) % 4
-            at = free[one]
+            slot = 4 * low + (middle + high) % 4
+            at = free[slot]
             bucket[at, 0], bucket[at, 1], number[at] = middle, high, 4 * e + k
-            free[one] += 1
+            free[slot] += 1
     behind = np.full(4 * m, -1, np.int32)
-    for one in range(4 * vertex_count):
-        for i in range(offsets[one], offsets[one + 1]):
-            for j in range(i + 1, offsets[one + 1]):
+    for slot in range(4 * vertex_count):
+        for i in range(offsets[slot], offsets[slot + 1]):
+            for j in range(i + 1, offsets[slot + 1]):
                 if bucket[i, 0] == bucket[j, 0] and bucket[i, 1] == bucket[j, 1]:
                     behind[number[i]], behind[number[j]] = number[j] // 4, number[i] // 4
     return behind.reshape(m, 4)

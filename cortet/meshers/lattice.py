@@ -108,8 +108,8 @@ def _meshed(
     walls = [one.surface for one in made]
     both = joined(walls)
     nodes = [_nodes(made, bounds, edge, settings, facts) for bounds in _bounds(surface)]
-    firsts, constant = np.cumsum([0, *map(len, nodes)]), CONSTANT * facts.cell_size * settings.core_ratio
-    known = [first + lattice_cells(both, its, constant) for first, its in zip(firsts, nodes, strict=False)]
+    firsts, constant = np.cumsum([0, *map(len, nodes[:-1])]), CONSTANT * facts.cell_size * settings.core_ratio
+    known = [first + lattice_cells(both, own, constant) for first, own in zip(firsts, nodes, strict=True)]
     points, cells = tetrahedralised(both, np.concatenate(nodes), np.concatenate(known))
     mesh, flat = well_ordered(points, cells, regions_of(points, cells, walls) if surface.inner else None)
     require_sound(mesh, quality(mesh.points, mesh.cells))
