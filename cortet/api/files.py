@@ -20,6 +20,7 @@ from cortet.formats.ownership import guarded
 from cortet.formats.placement import placed
 from cortet.geometry.filling import require_body
 from cortet.geometry.kernel_cache import require_threads
+from cortet.geometry.limits import CELL_SIZE_MM, require_within
 from cortet.geometry.nesting import nested
 from cortet.geometry.topology import edges
 from cortet.measure.certify import certify, with_contacts
@@ -291,13 +292,13 @@ def known_size(made: TetMesh | Mesh | str | Path) -> float | None:
 
 
 def _size(cell_size: float | None, made: TetMesh | Mesh | Path | str, mesh: TetMesh) -> float:
-    """The given cell size, else the known one, else the mean length of the edges, mm."""
-    if cell_size is None:
-        cell_size = known_size(made)
-    if cell_size is not None:
-        return cell_size
-    ends = mesh.points[edges(mesh.cells)]
-    return round(float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean()), 3)
+    """The given cell size, else the known one, else the mean length of the edges, mm; InputError if none can be."""
+    size = known_size(made) if cell_size is None else cell_size
+    if size is None:
+        ends = mesh.points[edges(mesh.cells)]
+        size = round(float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).mean()), 3)
+    require_within(size, CELL_SIZE_MM, "the cell size in mm")
+    return float(size)
 
 
 def _oriented(mesh: TetMesh, file: Path | None) -> IntArray:

@@ -143,7 +143,8 @@ class BrokenSurface:
 
     def done(self) -> str:
         """What was done, in words."""
-        return "; ".join(f"{step.count} {step.done}" for step in self.steps)
+        steps = [f"{step.count} {step.done}" for step in self.steps]
+        return "; ".join(steps) or "coordinates rounded to float32"
 
     def _unknown_places(self) -> None:
         work, vertices = mending.with_known_places(self.work)

@@ -55,6 +55,13 @@ def holders(surface: TriSurface, folder: Path) -> dict[str, Any]:
     }
 
 
+@pytest.mark.parametrize("size", [0, -1.0, True, "3", [3.0], float("nan"), 21.0])
+def test_what_is_no_cell_size_is_refused_for_a_given_mesh_too(made, monkeypatch, size):
+    monkeypatch.setattr("cortet.api.files.improved", None)  # before any stage
+    with pytest.raises(InputError, match="the cell size in mm is"):
+        cortet.improve(made, cell_size=size, progress=False)
+
+
 def test_certify_takes_the_cell_size_that_a_mesh_was_made_with(tmp_path):
     surface = ball_surface(3, radius=14.0)
     made = cortet.mesh(surface, cell_size=4.0, progress=False)

@@ -99,6 +99,16 @@ def test_a_broken_ball_is_a_ball_again(breakage):
     assert abs(report.relative_volume_change) < 0.03
 
 
+def test_a_triangle_that_rounding_mends_leaves_no_empty_message(caplog):
+    ball = ball_surface(4, 12.0)
+    points = ball.points.copy()
+    first, between, last = ball.faces[100]
+    points[between] = (points[first] + points[last]) / 2
+    _, report = repair(TriSurface(points, ball.faces), source="ball.surf.gii")
+    assert report.repaired and not report.steps
+    assert "ball.surf.gii: repaired: coordinates rounded to float32" in caplog.text
+
+
 def test_many_crossing_triangles_are_pulled_apart():
     broken = crossed()
     crossing = len(self_intersections(broken))
