@@ -30,6 +30,8 @@ class Failure:
     #: what to do about it; empty if only its log can tell
     remedy: str
     log: Path
+    #: whether it left no word, as one that was killed
+    is_silent: bool = False
 
     def is_about(self, **wildcards: object) -> bool:
         """Whether the job worked for a mesh, as far as its wildcards say: one on a surface works for all its meshes."""
@@ -84,7 +86,7 @@ def failures(output: Path, *, ended: bool) -> list[Failure]:
             told |= {"reason": why.what, "remedy": why.remedy}
         job = told.get("wildcards", {})
         words = (str(told.get("reason", "")), told.get("remedy") or "")
-        found.append(Failure(str(told.get("stage")), job, str(told.get("made_from")), *words, log))
+        found.append(Failure(str(told.get("stage")), job, str(told.get("made_from")), *words, log, not is_known))
     return found
 
 

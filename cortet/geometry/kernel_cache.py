@@ -90,7 +90,7 @@ def cache_folder() -> Path:
     if writable:
         return folder
     temporary = _own_temporary_folder()
-    logger.warning("the home folder has no writable cache folder; cortet uses %s (or set XDG_CACHE_HOME)", temporary)
+    logger.warning("no folder for compiled code can be written to; cortet uses %s (or set XDG_CACHE_HOME)", temporary)
     os.environ["XDG_CACHE_HOME"] = str(temporary)  # for Snakemake and its jobs, too
     os.environ.pop("NUMBA_CACHE_DIR", None)
     return cache_folder()

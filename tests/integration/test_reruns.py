@@ -383,6 +383,19 @@ def test_kill_9_leaves_no_partial_file_and_the_next_run_completes(study, killed)
     assert hidden <= {".bidsignore", NAME}
 
 
+@pytest.mark.parametrize("error", [None, CortetError("the disk is full")])
+def test_a_job_that_was_killed_while_it_made_again_what_is_there_costs_no_finished_work(study, error):
+    """The next run had nothing to do, called the case failed, and moved its certified files away."""
+    (log,) = (study.logs / "reconnect").rglob("sub-a*.log")
+    wildcards = {"folder": "sub-a", "case": "sub-a_hemi-L", "res": "4000", "mesher": "lattice", "setting": ""}
+    with last_run(study.outputs) as (plan, _):
+        made_from = Jobs(plan).made_from("reconnect", wildcards)
+    write_failure(log, "reconnect", wildcards, made_from, error)
+    report(study.outputs)
+    assert study.status()["sub-a_hemi-L"]["state"] == ("failed" if error else "certified")
+    assert bool(study.files("sub-a*Solver_sets.vtu")) is (error is None)
+
+
 def checked_out(folder: Path) -> Path:
     """A copy of the project."""
     folder.mkdir()
