@@ -31,7 +31,7 @@ class Failure:
     remedy: str
     log: Path
     #: whether it left no word, as one that was killed
-    is_silent: bool = False
+    is_silent: bool
 
     def is_about(self, **wildcards: object) -> bool:
         """Whether the job worked for a mesh, as far as its wildcards say: one on a surface works for all its meshes."""

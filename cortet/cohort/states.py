@@ -193,13 +193,11 @@ def state_of(jobs: Jobs, mesh: Mesh, failed: Sequence[Failure]) -> State:
     is_replaced = bool(content) and _is_replaced(plan, mesh, content)
     other = None if content and not is_earlier and not is_replaced else _first_other_rule(jobs, job)
     verdict = {} if other else {key: content[key] for key in ("certified", "verdict", "reasons", "remarks")}
-    # if the certificate does not hold, it is the mesh or its certificate that has to be made again; if it holds, a job
-    # that was killed as it made a part of the mesh again has changed nothing
-    failed = [
-        one
-        for one in failed
-        if one.is_about(**job) and not (other if one.rule in AFTER_CERTIFICATE else one.is_silent and not other)
-    ]
+    failed = [one for one in failed if one.is_about(**job)]
+    if other:  # it is the mesh or its certificate that has to be made again
+        failed = [one for one in failed if one.rule not in AFTER_CERTIFICATE]
+    else:  # a job that was killed as it made a part of the mesh again has changed nothing
+        failed = [one for one in failed if one.rule in AFTER_CERTIFICATE or not one.is_silent]
     if failed:
         log = failed[0].log.relative_to(plan.layout.output).as_posix()
         state = State(failed[0].rule, "failed", failed[0].reason, failed[0].remedy, log)

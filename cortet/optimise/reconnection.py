@@ -155,9 +155,8 @@ def _searched_repeatedly(
 
     What a search leaves is sought again with others around it, but does not keep the next search from going on.
     """
-    inserted, left = 0, 0
+    inserted, left, q = 0, 0, quality(mesh.points, mesh.cells)
     for _ in range(_MOST_SEARCHES):
-        q = quality(mesh.points, mesh.cells)
         if q.max() <= _REACHED * threshold:
             break
         worst = np.sort(q[q > threshold])
@@ -165,7 +164,8 @@ def _searched_repeatedly(
         aim = float(worst[-sought - 1]) if len(worst) > sought else threshold
         flaws_of = flaws_since(mesh, followed, cell_size)
         mesh, found = searched(mesh, flaws_of, surface, aim, threshold, boundary)
-        inserted, left = inserted + found, int(np.count_nonzero(quality(mesh.points, mesh.cells) > aim))
+        q = quality(mesh.points, mesh.cells)
+        inserted, left = inserted + found, int(np.count_nonzero(q > aim))
         if aim == threshold and left >= len(worst):
             break
     return mesh, inserted
